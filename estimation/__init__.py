@@ -1,0 +1,1 @@
+"""What the user asks for: recordings, studies, smoothing and their results."""

@@ -1,0 +1,139 @@
+"""The command `backsight`: each verb is one call of the Python API.
+
+Exit status: 0 done; 1 an error of this program; 2 bad input, nothing written; 3 no convergence, what there is is written
+and marked; 130 interrupted. A failure is one line on standard error that begins `error:`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+DONE, FAULT, BAD_INPUT, NO_CONVERGENCE, INTERRUPTED = 0, 1, 2, 3, 130
+UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # typer's own base of all mistakes on the command line
+
+app = typer.Typer(
+    name="backsight",
+    help="Estimate the states, the parameters and the missing physics of a mechanical plant from its recordings.",
+    add_completion=False,
+    no_args_is_help=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file (TOML).")]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder of the results [default: named after the study, beside it].")
+]
+Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
+Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output, and nothing else.")]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status; no exception leaves, but for BACKSIGHT_TRACEBACK=1."""
+    try:
+        with warnings.catch_warnings():
+            if not sys.warnoptions:
+                warnings.simplefilter("ignore")
+            status = app(args=None if arguments is None else list(arguments), prog_name="backsight", standalone_mode=False)
+        return status if isinstance(status, int) else DONE
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except Exception as error:
+        return _report(error)
+    finally:
+        _flush()
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.", is_eager=True)] = False
+) -> None:
+    if version:
+        from importlib.metadata import version as installed
+
+        typer.echo(f"backsight {installed('backsight')}")
+        raise typer.Exit(DONE)
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(DONE)
+
+
+@app.command()
+def demo(out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Quiet = False, json: Json = False) -> int:
+    """Run the built-in study, a ball-screw axis, on its bundled recording."""
+    from .commands import Options, run_demo
+
+    return run_demo(Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json))
+
+
+@app.command()
+def models(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help='A plant, or "file.py:function".')] = None, json: Json = False
+) -> int:
+    """List the plants, or print one: components, connections, equations, parameters, signals, places."""
+    from .commands import print_models
+
+    return print_models(name, json=json)
+
+
+@app.command()
+def simulate(
+    study: StudyArgument, out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Quiet = False, json: Json = False
+) -> int:
+    """Run the model under the recorded inputs, beside the recording."""
+    from .commands import Options, run_simulate
+
+    return run_simulate(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json))
+
+
+@app.command()
+def smooth(
+    study: StudyArgument, out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Quiet = False, json: Json = False
+) -> int:
+    """Estimate states, residual forces and parameters, with their uncertainties, from whole recordings."""
+    from .commands import Options, run_smooth
+
+    return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json))
+
+
+def _report(error: Exception) -> int:
+    """Say in one line what went wrong, and return the status that means it."""
+    if os.environ.get("BACKSIGHT_TRACEBACK") == "1":
+        import traceback
+
+        traceback.print_exception(error)
+    from backsight.models.errors import InputError, ModelError, SolveError  # brings CasADi along: a second that --help need not wait
+
+    if isinstance(error, (InputError, ModelError)):
+        return _fail(str(error), BAD_INPUT)
+    if isinstance(error, SolveError):
+        return _fail(str(error), NO_CONVERGENCE)
+    if isinstance(error, UsageError) or hasattr(error, "format_message"):
+        message = error.format_message() if hasattr(error, "format_message") else str(error)
+        return _fail(f"{message.rstrip('.')}; see backsight --help", BAD_INPUT)
+    if isinstance(error, MemoryError):
+        return _fail("out of memory; use a shorter range or a larger every", FAULT)
+    kind = type(error).__name__
+    return _fail(f"{kind}: {error} (this is a fault of backsight; BACKSIGHT_TRACEBACK=1 shows where it happened)", FAULT)
+
+
+def _fail(message: str, status: int) -> int:
+    sys.stderr.write(f"error: {' '.join(message.split())}\n")
+    return status
+
+
+def _flush() -> None:
+    """Write what is left to write; a reader that has gone away is no fault of ours."""
+    try:
+        sys.stdout.flush()
+    except (BrokenPipeError, ValueError):
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - the interpreter flushes it at exit

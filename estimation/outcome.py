@@ -1,0 +1,134 @@
+"""From a solution to what the user reads: names, units, tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from backsight.ocp import Solution
+
+from .problem import Free, Problem, Weights
+from .results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
+from .uncertainty import output_fit
+from .variances import Choice
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size (or of its nominal)
+
+
+def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, build: float, seconds: float) -> Smoothing:
+    """The result object of a smoothing run."""
+    dae, solution = problem.dae, choice.solution
+    t, solved = solution.transcription, solution.solved
+    determined = _determined(solution)
+    estimates, fit = {}, {}
+    for number, recording in enumerate(problem.fitted):
+        s = solution.sampled(number, deviations=determined)
+        columns: dict[str, Array] = {"t_s": recording.time}
+        fits = {}
+        for i, q in enumerate(dae.outputs):
+            columns[q.name] = s.outputs[:, i]
+            if q.name in recording.outputs:
+                columns[f"{q.name}.measured"] = recording.outputs[q.name]
+                fits[q.name] = output_fit(recording.outputs[q.name], s.outputs[:, i])
+            columns[f"{q.name}.std"] = s.outputs_std[:, i]
+        for i, q in enumerate(dae.states):
+            columns[q.name], columns[f"{q.name}.std"] = s.states[:, i], s.states_std[:, i]
+        for i, k in enumerate(t.soft):
+            name = f"residual.{dae.places[k].name}"
+            columns[name], columns[f"{name}.std"] = s.forces[:, i], s.forces_std[:, i]
+        estimates[recording.name], fit[recording.name] = pd.DataFrame(columns), fits
+    notes = _notes(problem, choice, stds)
+    if not determined and problem.free:
+        notes += ("The recordings do not determine the unknowns: no deviations are given. Fix a parameter, give it a std, or use a richer recording.",)
+    return Smoothing(
+        model=dae.name,
+        parameters=_parameters(problem, solution, determined),
+        estimates=estimates,
+        inputs={r.name: dict(r.inputs) for r in problem.fitted},
+        units=_units(problem, solution),
+        fit=fit,
+        weights=Weights(
+            W={dae.places[k].name: float(s) for k, s in zip(t.soft, choice.force_std, strict=True)},
+            V={q.name: stds[0][q.name] * float(choice.output_factor[i]) for i, q in enumerate(dae.outputs) if q.name in stds[0]},
+        ),
+        solver=SolverFacts(
+            status=solved.status.value,
+            converged=solved.status.converged,
+            iterations=choice.iterations,
+            seconds=seconds,
+            build_seconds=build,
+            variables=t.nlp.size,
+        ),
+        residual_places=_residuals(problem, solution, estimates),
+        notes=notes,
+    )
+
+
+def _determined(solution: Solution) -> bool:
+    try:
+        return solution.curvature.definite
+    except np.linalg.LinAlgError:
+        return False
+
+
+def _parameters(problem: Problem, solution: Solution, determined: bool) -> dict[str, ParameterEstimate]:
+    values = solution.parameters
+    variance = np.diag(solution.curvature.parameter_covariance) if determined else np.full(len(problem.free), np.nan)
+    std = dict(zip(problem.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
+    out = {}
+    for i, info in enumerate(problem.dae.parameters):
+        given = problem.parameters.get(info.name)
+        free = isinstance(given, Free)
+        s = float(std[i]) if free and np.isfinite(std[i]) else None
+        size = max(abs(float(values[i])), 0.1 * info.nominal)
+        out[info.name] = ParameterEstimate(
+            name=info.name,
+            value=float(values[i]),
+            std=s,
+            unit=info.unit,
+            fixed=not free,
+            identifiable=(s is not None and s < DETERMINED * size) if free else None,
+            guess=given.guess if isinstance(given, Free) else None,
+        )
+    return out
+
+
+def _units(problem: Problem, solution: Solution) -> dict[str, str]:
+    dae = problem.dae
+    units = {"t_s": "s"}
+    for q in (*dae.inputs, *dae.outputs, *dae.states):
+        units[q.name] = q.unit
+    for k in solution.transcription.soft:
+        units[f"residual.{dae.places[k].name}"] = dae.places[k].unit
+    return units
+
+
+def _residuals(problem: Problem, solution: Solution, estimates: dict[str, pd.DataFrame]) -> dict[str, ResidualSummary]:
+    out = {}
+    for k in solution.transcription.soft:
+        place = problem.dae.places[k]
+        values = np.concatenate([table[f"residual.{place.name}"].to_numpy() for table in estimates.values()])
+        out[place.name] = ResidualSummary(place=place.name, unit=place.unit, rms=float(np.sqrt(np.mean(values**2))), origin=place.origin)
+    return out
+
+
+def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tuple[str, ...]:
+    """How every weight came about, in a sentence each."""
+    dae, t, notes = problem.dae, choice.solution.transcription, []
+    for k, s in zip(t.soft, choice.force_std, strict=True):
+        place = dae.places[k]
+        if place.name in problem.weights.W:
+            notes.append(f"W of {place.name}: std {s:.3g} {place.unit} as given.")
+        else:
+            end = "" if choice.settled else "; it had not settled"
+            notes.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
+    for i, q in enumerate(dae.outputs):
+        if q.name not in stds[0]:
+            continue
+        std = stds[0][q.name] * choice.output_factor[i]
+        given = q.name in problem.weights.V or problem.fitted[0].output_std.get(q.name) is not None
+        rule = "as given" if given else "from the samples' differences, then from what the fit leaves over"
+        notes.append(f"V of {q.name}: std {std:.3g} {q.unit} {rule}.")
+    return tuple(notes)

@@ -1,0 +1,6 @@
+"""Report pages: one self-contained HTML file per result, with the answer in words, tables and charts."""
+
+from .page import write_report
+from .simulation import write_simulation_report
+
+__all__ = ["write_report", "write_simulation_report"]

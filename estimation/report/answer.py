@@ -1,0 +1,162 @@
+"""The answer in words: the parameters, how well the model fits, and what is odd. Every sentence is HTML, all names escaped."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from ..recording import Recording
+from .decimation import spread
+from .evidence import Columns, autocorrelation, companion, own_states
+from .parts import EstimateLike, SmoothingLike
+from .quantities import count, number, percent, pretty, quantity, uncertain
+
+__all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
+
+NAMED = 6  # parameters named in the sentence; the table has them all
+ROWS = 20_000  # enough for a correlation
+
+
+def code(name: str) -> str:
+    return f"<code>{escape(name)}</code>"
+
+
+def joined(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def with_uncertainty(parameter: EstimateLike) -> str:
+    """95.011 ± 0.027 kg."""
+    value, std = uncertain(parameter.value, parameter.std)
+    unit = escape(pretty(parameter.unit))
+    return f"{value} ± {std} {unit}".rstrip() if parameter.std is not None and np.isfinite(parameter.std) else f"{value} {unit}".rstrip()
+
+
+def answer(result: SmoothingLike, recordings: Sequence[Recording]) -> str:
+    """One paragraph: what was estimated from what, how close the model comes, how much force it leaves unexplained."""
+    used = [r for r in recordings if r.name in result.estimates] or list(recordings)
+    seconds, samples = sum(r.time[-1] - r.time[0] for r in used), sum(r.time.size for r in used)
+    source = code(used[0].name) if len(used) == 1 else f"{len(used)} recordings"
+    said = [f"Smoothing {source} ({number(seconds, 3)} s, {count(samples)} samples) with the model {code(result.model)} "]
+    free = [p for p in result.parameters.values() if not p.fixed]
+    if free:
+        found = [f"{code(p.name)} = <b>{with_uncertainty(p)}</b>" for p in free[:NAMED]]
+        more = [f"{len(free) - NAMED} more (table below)"] if len(free) > NAMED else []
+        said.append(f"gives {joined(found + more)}.")
+    else:
+        said.append("with all parameters fixed estimates its states and the forces it does not explain.")
+    if not result.solver.converged:
+        said.insert(0, "<b>The solver did not converge: the numbers are those where it stopped.</b> ")
+    met = []
+    for name, fits in result.fit.items():
+        where = f" on {code(name)}" if len(result.fit) > 1 else ""
+        for output, fit in fits.items():
+            rms = escape(quantity(fit.rms, result.units.get(output, "")))
+            met.append(f"{code(output)} is met to {rms} rms{where} (fit {percent(fit.fit_percent)})")
+    if met:
+        said.append(f" {joined(met[:NAMED])}.")
+    for place, summary in result.residual_places.items():
+        rms = escape(quantity(summary.rms, summary.unit))
+        said.append(f" Unexplained at {code(place)}: {rms} rms{_share(summary.rms, summary.unit, result, used)}.")
+    return "".join(said)
+
+
+def _share(rms: float, unit: str, result: SmoothingLike, recordings: Sequence[Recording]) -> str:
+    """How much that is of the one input in the same unit; nothing where there is none, or more than one."""
+    alike = [n for n in recordings[0].inputs if unit and result.units.get(f"input.{n}", result.units.get(n)) == unit] if recordings else []
+    if len(alike) != 1:
+        return ""
+    values = np.concatenate([np.asarray(r.inputs[alike[0]], dtype=float) for r in recordings if alike[0] in r.inputs])
+    size = float(np.sqrt(np.mean(values**2)))
+    if not size > 0:
+        return ""
+    return f", {number(100 * rms / size, 2)} % of the input {code(alike[0])} ({escape(quantity(size, unit))} rms)"
+
+
+def noise_std(result: SmoothingLike, output: str, recording: Recording | None) -> float | None:
+    """The standard deviation an output was weighed with; the recording's own where the weights do not name it."""
+    given = recording.output_std.get(output) if recording is not None else None
+    return result.weights.V.get(output, given)
+
+
+def oddities(result: SmoothingLike, recordings: Sequence[Recording]) -> list[str]:
+    """What a careful reader would stumble over, one sentence each; empty if nothing is odd."""
+    found = [] if result.solver.converged else [f"The solver stopped early: {escape(result.solver.status)}"]
+    for p in result.parameters.values():
+        if p.fixed:
+            continue
+        if p.identifiable is False:
+            found.append(f"The data do not determine {code(p.name)}: its value is that of its guess or prior, or one of many.")
+        elif p.std is not None and p.value and p.std > 0.2 * abs(p.value):
+            found.append(f"{code(p.name)} is known to {number(100 * p.std / abs(p.value), 2)} % only.")
+    by_name = {r.name: r for r in recordings}
+    for name, frame in result.estimates.items():
+        kinds = Columns.of(frame)
+        where = f" on {code(name)}" if len(result.estimates) > 1 else ""
+        for output in kinds.outputs:
+            error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
+            unit = result.units.get(output, "")
+            found += _odd_errors(code(output) + where, error, unit, noise_std(result, output, by_name.get(name)))
+        time = frame["t_s"].to_numpy(float)
+        rows = spread(time.size, ROWS)
+        for column in kinds.residuals:
+            place = column.removeprefix("residual.")
+            summary = result.residual_places.get(place)
+            unit = summary.unit if summary is not None else result.units.get(column, "")
+            w = frame[column].to_numpy(float)
+            found += _odd_residual(code(place) + where, w, unit, rows)
+            states, _ = own_states(place, unit, kinds.states, result.units)
+            friend = companion(w, states, frame, result.units, rows)
+            if friend is not None:
+                what, r = escape(friend.what), number(friend.correlation, 2)
+                found.append(
+                    f"The residual force at {code(place)}{where} goes with {what} (correlation {r}), as {escape(friend.law)} would make it."
+                )
+    return found
+
+
+def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None) -> list[str]:
+    seen = error[np.isfinite(error)]
+    if seen.size < 20:
+        return []
+    rms, found = float(np.sqrt(np.mean(seen**2))), []
+    if std is not None and std > 0 and not 0.5 <= rms / std <= 2.0:
+        ratio = rms / std
+        verb = f"{number(ratio, 2)} times" if ratio > 1 else f"only {number(100 * ratio, 2)} % of"
+        found.append(f"The error of {which} is {verb} the noise it was weighed with ({escape(quantity(std, unit))}).")
+    lags = min(60, seen.size // 4)
+    r = autocorrelation(error, lags)[1:]
+    k = int(np.nanargmax(np.abs(r))) if np.isfinite(r).any() else 0
+    if np.isfinite(r).any() and abs(r[k]) > max(0.1, 4 / np.sqrt(seen.size)):
+        found.append(
+            f"The errors of {which} are not white: their autocorrelation reaches {number(float(r[k]), 2)} at a lag of {k + 1} samples."
+        )
+    spread_ = 1.4826 * float(np.median(np.abs(seen - np.median(seen))))
+    outliers = int((np.abs(error - np.median(seen)) > 6 * spread_).sum()) if spread_ > 0 else 0
+    if outliers:
+        found.append(f"{outliers} sample{'s' if outliers > 1 else ''} of {which} lie more than six robust standard deviations off.")
+    return found
+
+
+def _odd_residual(which: str, w: np.ndarray, unit: str, rows: np.ndarray) -> list[str]:
+    seen = w[rows][np.isfinite(w[rows])]
+    if seen.size < 20:
+        return []
+    mean, rms = float(seen.mean()), float(np.sqrt(np.mean(seen**2)))
+    if abs(mean) > 0.5 * rms > 0:
+        return [f"The residual force at {which} has a mean of {escape(quantity(mean, unit))}, as a constant force would make it."]
+    return []
+
+
+def whiteness_sentence(p: float | None, autocorrelations: Mapping[int, float] | None = None) -> str:
+    """What the p-value of the whiteness test says."""
+    if p is None or not np.isfinite(p):
+        return "not tested"
+    if p >= 0.05:
+        said = "cannot be told from white noise"
+    elif p >= 0.01:
+        said = "weak signs of structure"
+    else:
+        said = "structure is left in the errors"
+    largest = max(autocorrelations.items(), key=lambda item: abs(item[1])) if autocorrelations else None
+    return said + (f", largest autocorrelation {number(largest[1], 2)} at lag {largest[0]}" if largest is not None and p < 0.05 else "")

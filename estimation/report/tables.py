@@ -1,0 +1,84 @@
+"""The tables of a report as HTML: parameters, fit, weights, facts. Every cell is escaped here."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from .answer import whiteness_sentence
+from .evidence import autocorrelation
+from .parts import FitLike, SmoothingLike
+from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
+
+__all__ = ["facts", "fit_table", "parameter_table", "table", "weight_table"]
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: Sequence[int] = (0,), codes: Sequence[int] = (0,)) -> str:
+    """An HTML table of plain strings; the columns `words` are set to the left, those in `codes` as names."""
+
+    def cell(tag: str, k: int, text: str) -> str:
+        inner = f"<code>{escape(text)}</code>" if tag == "td" and k in codes and text else escape(text)
+        return f"<{tag}{'' if k in words else ' class=n'}>{inner}</{tag}>"
+
+    header = "".join(cell("th", k, text) for k, text in enumerate(head))
+    body = "".join("<tr>" + "".join(cell("td", k, text) for k, text in enumerate(row)) + "</tr>\n" for row in rows)
+    return f"<div class=wide><table><thead><tr>{header}</tr></thead>\n<tbody>{body}</tbody></table></div>"
+
+
+def parameter_table(result: SmoothingLike) -> str:
+    """Name, value, std, relative std, unit, guess (where a result knows it), estimated or fixed, identifiable."""
+    guesses = {name: getattr(p, "guess", None) for name, p in result.parameters.items()}
+    guessed = any(g is not None for g in guesses.values())
+    head = ["parameter", "value", "std", "unit", "std / value", *(["guess"] if guessed else []), "role", "identifiable"]
+    rows = []
+    for name, p in sorted(result.parameters.items(), key=lambda item: item[1].fixed):
+        value, std = uncertain(p.value, p.std)
+        share = number(100 * p.std / abs(p.value), 2) + " %" if p.std is not None and np.isfinite(p.std) and p.value else NOTHING
+        known = NOTHING if p.fixed or p.identifiable is None else "yes" if p.identifiable else "no"
+        guess = [number(guesses[name], 6)] if guessed else []
+        rows.append([name, value, NOTHING if p.fixed else std, pretty(p.unit), share, *guess, "fixed" if p.fixed else "estimated", known])
+    return table(head, rows, words=(0, 3, len(head) - 2, len(head) - 1))
+
+
+def fit_table(fit: Mapping[str, Mapping[str, FitLike]], result: SmoothingLike) -> str:
+    """Recording, output, rms error, fit, whiteness p with a sentence."""
+    rows = []
+    for name, outputs in fit.items():
+        frame = result.estimates.get(name)
+        for output, f in outputs.items():
+            largest = None
+            if frame is not None and f"{output}.measured" in frame:
+                error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
+                r = autocorrelation(error, min(60, max(error.size // 4, 1)))[1:]
+                largest = {k + 1: float(v) for k, v in enumerate(r) if np.isfinite(v)}
+            p = "< 0.0001" if f.whiteness_p is not None and f.whiteness_p < 1e-4 else number(f.whiteness_p, 2)
+            rms = quantity(f.rms, result.units.get(output, ""))
+            rows.append([name, output, rms, percent(f.fit_percent), p, whiteness_sentence(f.whiteness_p, largest)])
+    head = ["recording", "output", "rms error", "fit", "whiteness p", "the errors"]
+    return table(head, rows, words=(0, 1, 5), codes=(0, 1))
+
+
+def weight_table(result: SmoothingLike) -> str:
+    """The standard deviations in force: of every residual force (a density, with its correlation time if it has one) and every output."""
+    rows = []
+    for place, std in result.weights.W.items():
+        summary = result.residual_places.get(place)
+        unit = summary.unit if summary is not None else result.units.get(f"residual.{place}", "")
+        tau = result.weights.tau.get(place)
+        if tau is None:
+            kind = "white, spectral density std² × 1 s"
+        else:
+            kind = f"Ornstein–Uhlenbeck, that rms, correlation time {quantity(tau, 's')}"
+        used = quantity(summary.rms, unit) if summary is not None else NOTHING
+        rows.append(["W", place, quantity(std, unit), used, f"residual force, {kind}" + (f"; {summary.origin}" if summary else "")])
+    for output, std in result.weights.V.items():
+        unit = result.units.get(output, "")
+        met = [f[output].rms for f in result.fit.values() if output in f]
+        used = quantity(float(np.sqrt(np.mean(np.square(met)))), unit) if met else NOTHING
+        rows.append(["V", output, quantity(std, unit), used, "noise of the output, white from sample to sample"])
+    return table(["", "of", "std", "rms found", "meaning"], rows, words=(0, 1, 4), codes=(1,))
+
+
+def facts(pairs: Iterable[tuple[str, str]]) -> str:
+    """A list of names and values."""
+    return "<dl>" + "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in pairs) + "</dl>"

@@ -1,0 +1,16 @@
+"""Words that messages share: lists of names, and numbers as a person would write them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def quoted(names: Iterable[str], *, last: str = "and") -> str:
+    """`"a", "b" and "c"`."""
+    words = [f'"{name}"' for name in names]
+    return words[0] if len(words) == 1 else f" {last} ".join([", ".join(words[:-1]), words[-1]]) if words else "none"
+
+
+def number(value: float) -> str:
+    """Nine digits at most, without trailing zeros."""
+    return f"{value:.9g}"

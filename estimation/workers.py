@@ -1,0 +1,69 @@
+"""Where independent pieces of work run: here, in processes of this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from backsight.models.errors import InputError
+
+CONNECT_SECONDS = 5.0
+
+
+class Here(Executor):
+    """Runs every call at once, in this process."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """The finished future of `fn(*args, **kwargs)`."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@contextmanager
+def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Executor]:
+    """An executor of `jobs` processes, or of the Dask cluster at address `scheduler`.
+
+    Raises InputError when `jobs` is not positive or the cluster cannot be reached.
+    """
+    if jobs < 1:
+        raise InputError(f"--jobs {jobs}: the number of processes must be at least 1")
+    if scheduler is not None:
+        with _cluster(scheduler) as pool:
+            yield pool
+    elif jobs == 1:
+        yield Here()
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+            try:
+                yield pool
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        remedy = "install it by `pip install backsight[cluster]`, or leave --scheduler out"
+        raise InputError(f"--scheduler {address}: a cluster needs dask.distributed; {remedy}") from None
+    try:
+        client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(
+            f"--scheduler {address}: no Dask scheduler answers there ({reason[:200]}); start one, or correct the address"
+        ) from None
+    try:
+        yield client.get_executor()
+    finally:
+        client.close()

@@ -1,0 +1,44 @@
+"""What the plant is: acausal components -> flat equations -> an index-reduced implicit model. No data, no estimation.
+
+model = actuator()            a Model: components, connections, inputs, outputs
+dae = compile_model(model)    a Dae: F(x', x, z, u, p, w, t) = 0 as CasADi SX
+simulate(dae, t, {"F": f})    a Trajectory
+"""
+
+from .compiler import compile_model
+from .connectors import Planar, Rotational, Translational
+from .dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
+from .errors import BacksightError, InputError, ModelError, SolveError
+from .language import Component, Connector, Pair, Parameter, Variable, balance, equal, law
+from .model import Model, Output
+from .simulation import Trajectory, simulate
+from .text import equations_text
+
+__all__ = [
+    "BacksightError",
+    "Component",
+    "Connector",
+    "Dae",
+    "EquationInfo",
+    "InputError",
+    "Model",
+    "ModelError",
+    "Output",
+    "Pair",
+    "Parameter",
+    "ParameterInfo",
+    "Place",
+    "Planar",
+    "Quantity",
+    "Rotational",
+    "SolveError",
+    "Trajectory",
+    "Translational",
+    "Variable",
+    "balance",
+    "compile_model",
+    "equal",
+    "equations_text",
+    "law",
+    "simulate",
+]

@@ -1,0 +1,29 @@
+"""Connectors: the pairs of potential and flow through which components meet.
+
+Signs, for all components: a flow is positive *into* the component (a force acting on a mass from outside is positive at its flange). An
+element with two flanges measures flange_a minus flange_b, and its through force enters at flange_a and leaves at flange_b:
+
+    s_rel = flange_a.s - flange_b.s,    flange_a.f = f,    flange_b.f = -f
+
+so a spring, damper or friction between a body (flange_a) and ground (flange_b) takes the force f from the body.
+"""
+
+from .language import Connector, Pair
+
+
+class Translational(Connector):
+    """Flange of a part that slides along one line: position s [m], force f [N]."""
+
+    pairs = (Pair("s", "m", "f", "N", "force balance"),)
+
+
+class Rotational(Connector):
+    """Flange of a part that turns about one axis: angle phi [rad], torque tau [N.m]."""
+
+    pairs = (Pair("phi", "rad", "tau", "N.m", "torque balance"),)
+
+
+class Planar(Connector):
+    """Point of a part that moves in a plane: position x, y [m], force f_x, f_y [N]."""
+
+    pairs = (Pair("x", "m", "f_x", "N", "force balance x"), Pair("y", "m", "f_y", "N", "force balance y"))

@@ -1,0 +1,196 @@
+"""The acausal language: a component declares connectors, parameters, variables and named equations.
+
+    class Mass(Component):
+        m = Parameter("kg", 1.0, min=0.0)
+        s = Variable("m", state=True)
+        v = Variable("m/s", state=True)
+        flange = Translational()
+
+        def equations(self, c):
+            return {"position": equal(c.s, c.flange.s),
+                    "velocity": equal(c.v, c.der(c.s)),
+                    "force balance": balance(c.m * c.der(c.v), c.flange.f)}
+
+`c` gives the symbols of one instance. An equation says whether it may carry a residual: a *balance* (a body) carries one from the start,
+a *law* (an element) when it is asked for, an *equal* (geometry, kinematics) never.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Self, overload
+
+from .errors import ModelError, suggestion
+
+Expression = Any  # a casadi SX scalar or a number
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a component: SI unit, default, inclusive bounds, typical size. `smoothing` marks a width that rounds a corner."""
+
+    unit: str
+    default: float
+    min: float = -math.inf
+    max: float = math.inf
+    nominal: float | None = None
+    description: str = ""
+    smoothing: bool = False
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "_name", name)
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Parameter: ...
+    @overload
+    def __get__(self, instance: Component, owner: type) -> float: ...
+    def __get__(self, instance: Component | None, owner: type) -> Parameter | float:
+        return self if instance is None else instance.parameters[self.__dict__["_name"]]
+
+    def size(self, value: float) -> float:
+        """The nominal value: the one declared, else the size of the value in force or of the default, else 1."""
+        return self.nominal if self.nominal is not None else abs(value) or abs(self.default) or 1.0
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A quantity that changes in time: SI unit, typical size, start value. `state=True` keeps its name when aliases are eliminated."""
+
+    unit: str
+    nominal: float = 1.0
+    start: float = 0.0
+    state: bool = False
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A potential and the flow that goes with it, by name and unit."""
+
+    potential: str
+    potential_unit: str
+    flow: str
+    flow_unit: str
+    balance: str  # what the flow's sum is called: "force balance"
+
+
+class Connector:
+    """Where a component meets others: connected potentials are equal, flows sum to zero. Subclasses name their pairs."""
+
+    pairs: ClassVar[tuple[Pair, ...]] = ()
+
+
+@dataclass(frozen=True)
+class Equation:
+    """left - right = 0, and for a balance or a law its place: "" is the component itself, "x" is <component>.x."""
+
+    left: Expression
+    right: Expression
+    kind: Literal["equal", "balance", "law"]
+    place: str = ""
+    unit: str = ""
+
+
+def equal(left: Expression, right: Expression) -> Equation:
+    """left = right: geometry, kinematics, a definition. Never carries a residual."""
+    return Equation(left, right, "equal")
+
+
+def balance(inertia: Expression, *forces: Expression, place: str = "", unit: str = "") -> Equation:
+    """inertia = sum(forces) + w: the balance of a body; w is the force that the model does not explain."""
+    return Equation(inertia, sum(forces[1:], forces[0]) if forces else 0.0, "balance", place, unit)
+
+
+def law(left: Expression, right: Expression, place: str = "", unit: str = "") -> Equation:
+    """left = right + w: the law of an element; w is absent unless its place is switched on."""
+    return Equation(left, right, "law", place, unit)
+
+
+class Component:
+    """Base of all components. An instance is an immutable set of parameter values: `Mass(m=2.0)`.
+
+    Raises TypeError for an unknown parameter or a value that is no number, ModelError for one outside its bounds.
+    """
+
+    declared_parameters: ClassVar[Mapping[str, Parameter]] = {}
+    declared_variables: ClassVar[Mapping[str, Variable]] = {}
+    declared_connectors: ClassVar[Mapping[str, Connector]] = {}
+    parameters: Mapping[str, float]
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        declared: dict[str, Any] = {}
+        for base in reversed(cls.__mro__):
+            declared.update({k: v for k, v in vars(base).items() if isinstance(v, Parameter | Variable | Connector)})
+        for name in declared:
+            if name in ("der", "time"):
+                raise ModelError(f"{cls.__name__}: '{name}' is a word of the language; give the declaration another name")
+        cls.declared_parameters = {k: v for k, v in declared.items() if isinstance(v, Parameter)}
+        cls.declared_variables = {k: v for k, v in declared.items() if isinstance(v, Variable)}
+        cls.declared_connectors = {k: v for k, v in declared.items() if isinstance(v, Connector)}
+
+    def __init__(self, **values: float) -> None:
+        kind = type(self).__name__
+        for name, value in values.items():
+            if name not in self.declared_parameters:
+                raise TypeError(f"{kind} has no parameter '{name}' (= {value!r}); {suggestion(name, self.declared_parameters)}")
+            _check_value(f"{kind}({name}={value!r})", value, self.declared_parameters[name])
+        chosen = {name: float(values.get(name, parameter.default)) for name, parameter in self.declared_parameters.items()}
+        object.__setattr__(self, "parameters", _Values(chosen))
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"{type(self).__name__} is immutable; make a new one, e.g. {type(self).__name__}({name}={value!r})")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"{type(self).__name__} is immutable; '{name}' cannot be deleted")
+
+    def with_values(self, **values: float) -> Self:
+        """The same component with some parameter values changed."""
+        return type(self)(**{**self.parameters, **values})
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and isinstance(other, Component) and dict(self.parameters) == dict(other.parameters)
+
+    def __hash__(self) -> int:
+        return hash((type(self), tuple(self.parameters.items())))
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
+        return f"{type(self).__name__}({values})"
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        """The named equations, written with the symbols `c`: `c.m`, `c.flange.s`, `c.der(c.s)`, `c.time`."""
+        raise NotImplementedError(f"{type(self).__name__} declares no equations")
+
+
+class _Values(Mapping[str, float]):
+    """A read-only dictionary that can be pickled and hashed."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        self._values = dict(values)
+
+    def __getitem__(self, name: str) -> float:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __repr__(self) -> str:
+        return repr(self._values)
+
+
+def _check_value(where: str, value: object, parameter: Parameter) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        try:
+            value = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            raise TypeError(f"{where}: a parameter value is a number [{parameter.unit}], not {type(value).__name__}") from None
+    if not math.isfinite(value):
+        raise ModelError(f"{where}: the value must be finite; give a number [{parameter.unit}]")
+    if not parameter.min <= value <= parameter.max:
+        raise ModelError(f"{where}: the value must lie between {parameter.min:g} and {parameter.max:g} {parameter.unit}; change it")

@@ -1,0 +1,1 @@
+"""Mechanical components, by the way they move: translational, rotational, planar."""

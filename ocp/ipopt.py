@@ -1,0 +1,173 @@
+"""Ipopt on a program: options that suit it, Gauss-Newton before Newton, and what came of it in words."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+
+from .nlp import Nlp, Values
+from .polynomials import Array
+
+
+class Status(Enum):
+    """How a solve ended; the value is the sentence to show."""
+
+    SOLVED = "Solved to the tolerance asked for."
+    ACCEPTABLE = "Solved to an acceptable level, not to the full tolerance."
+    ITERATIONS = "Stopped at the limit of iterations before convergence."
+    INFEASIBLE = "No point was found that satisfies the constraints."
+    NUMERICS = "Stopped by numerical trouble: the functions gave values that are not finite, or steps became too small."
+    INTERRUPTED = "Interrupted by the user."
+
+    @property
+    def converged(self) -> bool:
+        """Whether the result can be used."""
+        return self in (Status.SOLVED, Status.ACCEPTABLE)
+
+
+_STATUS = {
+    "Solve_Succeeded": Status.SOLVED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Feasible_Point_Found": Status.ACCEPTABLE,
+    "Maximum_Iterations_Exceeded": Status.ITERATIONS,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "User_Requested_Stop": Status.INTERRUPTED,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """Decisions in the units of the model, cost, multipliers (of the scaled program) and how the solver fared."""
+
+    decisions: Array
+    cost: float
+    multipliers: Array
+    status: Status
+    iterations: int
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Limits of a solve.
+
+    tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
+    estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
+    """
+
+
+    tolerance: float = 1e-6
+    gauss_newton_iterations: int = 20
+    max_iterations: int = 100
+
+
+@dataclass(frozen=True)
+class Solver:
+    """One program made ready for Ipopt; it can be solved again and again with other numbers."""
+
+    nlp: Nlp
+    options: Options = Options()
+
+    def _make(self, max_iterations: int) -> Any:
+        a = self.nlp.assembled
+        program = ca.Function("program", [a.x, a.p], [a.f(a.x, a.p), a.g(a.x, a.p)], ["x", "p"], ["f", "g"])
+        ipopt: dict[str, Any] = {
+            "print_level": 0,
+            "sb": "yes",
+            "tol": self.options.tolerance,
+            "acceptable_tol": 30 * self.options.tolerance,
+            "acceptable_iter": 3,
+            "constr_viol_tol": 1e-8,
+            "max_iter": max_iterations,
+            # the program is scaled by its own units, and the starts are good: Ipopt's rescaling and large first barrier only cost steps
+            "nlp_scaling_method": "none",
+            "mu_init": 1e-4,
+            "bound_push": 1e-8,
+            "bound_frac": 1e-8,
+            "mumps_pivot_order": 5 if self.nlp.constraint_count else 7,
+        }
+        options = {"ipopt": ipopt, "print_time": False, "grad_f": a.grad, "jac_g": a.jac, "hess_lag": a.hess, "error_on_fail": False}
+        return ca.nlpsol("solver", "ipopt", program, options)
+
+    @cached_property
+    def _gauss_newton(self) -> Any:
+        return self._make(self.options.gauss_newton_iterations)
+
+    @cached_property
+    def _newton(self) -> Any:
+        return self._make(self.options.max_iterations)
+
+    def solve(
+        self, start: Array, values: Values, *, lower: Array, upper: Array, newton: bool = True, progress: Callable[[str], None] | None = None
+    ) -> Solved:
+        """Gauss-Newton steps first; the exact Hessian takes over where they do not arrive.
+
+        Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: the first only.
+        """
+        began, unit = time.perf_counter(), values.unit
+        x, multipliers, iterations, status, cost = start / unit, np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
+        for gamma in (0.0, 1.0) if newton else (0.0,):
+            solver = self._newton if gamma else self._gauss_newton
+            with _quiet():
+                answer = solver(
+                    x0=x, p=replace(values, gamma=gamma).packed(), lbx=lower / unit, ubx=upper / unit, lbg=0.0, ubg=0.0, lam_g0=multipliers
+                )
+            stats = solver.stats()
+            iterations += int(stats["iter_count"])
+            status = _STATUS.get(stats["return_status"], Status.NUMERICS)
+            candidate = np.asarray(answer["x"], dtype=np.float64).ravel()
+            if np.all(np.isfinite(candidate)):
+                x, cost = candidate, float(answer["f"])
+                multipliers = np.asarray(answer["lam_g"], dtype=np.float64).ravel()
+            if progress is not None:
+                progress(f"{'Newton' if gamma else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
+            if status.converged or status is Status.INTERRUPTED:
+                break
+        return Solved(
+            decisions=x * unit, cost=cost, multipliers=multipliers, status=status, iterations=iterations, seconds=time.perf_counter() - began
+        )
+
+    def hessian(self, decisions: Array, values: Values, multipliers: Array | None = None) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+        """Upper triangle of the Hessian and the Jacobian of the constraints, in the program's units."""
+        a, x, p = self.nlp.assembled, decisions / values.unit, values.packed()
+        lam = np.zeros(self.nlp.constraint_count) if multipliers is None else multipliers
+        return _sparse(a.hess(x, p, 1.0, lam)), _sparse(a.jac(x, p)[1])
+
+    def rows(self, decisions: Array, values: Values) -> list[Array]:
+        """The rows r = (m - target) * scale of every term, each (m, R)."""
+        out = self.nlp.assembled.rows(decisions / values.unit, values.packed())
+        return [np.asarray(r, dtype=np.float64) for r in (out if isinstance(out, tuple) else (out,))]
+
+    def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
+        """Derivative of term `number`'s gathered values m (not scaled) in the local unknowns and parameters, (R, m, local + np)."""
+        a, term = self.nlp.assembled, self.nlp.terms[number]
+        out = a.jacobians(decisions / values.unit, values.packed())
+        nonzeros = np.asarray(out[number] if isinstance(out, tuple) else out, dtype=np.float64)
+        dense = np.zeros((term.rows, term.target.shape[0], self.nlp.interpolation.local + len(self.nlp.free)))
+        rows, columns = a.patterns[number]
+        dense[:, rows, columns] = nonzeros.T
+        return dense
+
+
+def _sparse(matrix: Any) -> sp.csc_matrix:
+    pattern = matrix.sparsity()
+    return sp.csc_matrix((np.array(matrix.nonzeros()), np.array(pattern.row()), np.array(pattern.colind())), shape=matrix.shape)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """CasADi reports evaluations that are not finite through Python warnings; the status says it better."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

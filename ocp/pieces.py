@@ -1,0 +1,56 @@
+"""What both transcriptions build their terms from: the model's expressions as functions of a point of the mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from backsight.models import Dae
+
+from .horizon import Horizon
+from .interpolation import Interpolation
+from .polynomials import Array
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """A DAE, the interpolation of its variables, and the horizons with the number of their first intervals."""
+
+    dae: Dae
+    interpolation: Interpolation
+    horizons: Sequence[Horizon]
+    offsets: tuple[int, ...]
+    soft: tuple[int, ...]
+
+    def function(self, name: str, expression: Any) -> Any:
+        """`expression` of the model as a function (v = [dx; x; z; w_soft], p, d = [u; t]); other residual forces are zero."""
+        dae = self.dae
+        w = ca.SX.sym("w", self.interpolation.forces)
+        forces = ca.SX.zeros(dae.w.shape[0])
+        for k, place in enumerate(self.soft[: self.interpolation.forces]):
+            forces[place] = w[k]
+        v, d = ca.SX.sym("v", self.interpolation.rows), ca.SX.sym("d", dae.u.shape[0] + 1)
+        nx, nz = self.interpolation.states, self.interpolation.algebraics
+        dx, x, z, w_v = ca.vertsplit(v, [0, nx, 2 * nx, 2 * nx + nz, self.interpolation.rows])
+        inner = ca.Function("model", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t], [expression])
+        forces = ca.substitute(forces, w, w_v) if self.interpolation.forces else forces
+        p = ca.SX.sym("p", dae.p.shape[0])
+        return ca.Function(name, [v, p, d], [ca.densify(inner(dx, x, z, d[:-1], p, forces, d[-1]))], ["v", "p", "d"], ["phi"])
+
+    def intervals(self, of_horizons: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
+        """Interval numbers over all horizons from numbers within each."""
+        return np.concatenate([i + offset for i, offset in zip(of_horizons, self.offsets, strict=False)])
+
+    def steps(self) -> Array:
+        """Interval lengths over all horizons."""
+        return np.concatenate([h.mesh.steps for h in self.horizons])
+
+    def rows_of(self, places: Sequence[int]) -> list[int]:
+        """Rows of the residual that carry the residual forces of these places, in their order."""
+        found = {e.place: row for row, e in enumerate(self.dae.equations) if e.place is not None}
+        return [found[k] for k in places]

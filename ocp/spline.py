@@ -1,0 +1,82 @@
+"""Implicit splines: the equations of motion in weak form, with soft or hard balances.
+
+On every interval of length h the residual w(t) = F(x', x, z, u, p) of an equation is projected on the first K Legendre
+polynomials L_j, orthonormal on [0, 1]:
+
+    eps_j = 1/(std sqrt(h)) * integral over the interval of L_j(tau) w dt,        j = 0 .. K - 1
+
+White noise of spectral density std^2 gives independent eps_j of variance one, so the cost 1/2 sum eps_j^2 is
+1/2 int (w/std)^2 dt for what the interval can resolve, j = 0 being the impulse. An equation without residual force has
+all its K moments at zero. Unknowns and moments are equal in number (`interpolation.py`), so as std -> 0 only the initial
+values and the parameters stay free, and the method becomes the Petrov-Galerkin method with C1 trial functions: collocation at
+Gauss points when the integrand is smooth, of order 2 K at the knots (de Boor & Swartz, SIAM J. Numer. Anal. 10, 1973).
+The integrals are taken with K + 1 Gauss points, which is exact for a linear model. The held input enters by its projection on
+polynomials of degree K - 1, whose moments are exactly those of the steps, wherever in the interval they fall.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from backsight.models import Dae
+
+from .interpolation import Interpolation, spline_interpolation
+from .pieces import Pieces
+from .polynomials import Array, gauss, legendre
+from .terms import Term
+
+
+def pairs(dae: Dae) -> tuple[tuple[int, int, int], ...]:
+    """Positions with their velocities and the kinematic row that says so; no state is used twice."""
+    taken: set[int] = set()
+    chosen = []
+    for i, j, row in dae.kinematics:
+        if not {i, j} & taken:
+            chosen.append((i, j, row))
+            taken |= {i, j}
+    return tuple(chosen)
+
+
+def interpolation(dae: Dae, degree: int, forces: int) -> Interpolation:
+    """Splines for every variable; residual forces are not unknowns but what the balances leave over."""
+    del forces
+    return spline_interpolation(degree, dae.x.shape[0], dae.z.shape[0], [(i, j) for i, j, _ in pairs(dae)])
+
+
+def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
+    """Moments of the balances with a residual force (cost) and of all other equations (constraints)."""
+    dae, soft = pieces.dae, pieces.rows_of(pieces.soft)
+    identities = {row for _, _, row in pairs(dae)}
+    hard = [row for row in range(dae.residual.shape[0]) if row not in identities and row not in soft]
+    steps, (places, weights) = pieces.steps(), gauss(degree + 1)
+    count, size = len(steps), degree + 1
+    interval, tau = np.repeat(np.arange(count), size), np.tile(places, count)
+    weight = np.tile(weights, count) * np.sqrt(steps[interval])
+    data = np.hstack([h.point_data(degree, places) for h in pieces.horizons])
+    # columns: moment j of interval i stands at i K + j
+    gather = sp.csc_matrix(
+        (
+            (weight * legendre(degree, tau)).ravel(),
+            (np.tile(np.arange(len(tau)), degree), (interval * degree + np.arange(degree)[:, None]).ravel()),
+        ),
+        shape=(len(tau), count * degree),
+    )
+    gather.sort_indices()
+    terms = []
+    for name, rows, scale in (("balances", soft, 1.0 / std), ("equations", hard, np.ones(len(hard)))):
+        if rows:
+            terms.append(
+                Term(
+                    name=name,
+                    function=pieces.function(name, dae.residual[rows]),
+                    interval=interval,
+                    tau=tau,
+                    data=data,
+                    gather=gather,
+                    target=np.zeros((len(rows), count * degree)),
+                    scale=np.repeat(scale[:, None], count * degree, axis=1),
+                    equality=name == "equations",
+                )
+            )
+    return terms

@@ -1,0 +1,85 @@
+"""Columns by role, autocorrelation, and what a residual force goes with."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backsight.estimation.report.evidence import Columns, autocorrelation, companion, correlation, own_states
+
+UNITS = {"carriage.s": "m", "carriage.v": "m/s", "wheel.omega": "rad/s", "motor.i": "A"}
+
+
+def coloured(rng: np.random.Generator, a: float, n: int) -> np.ndarray:
+    e = rng.standard_normal(n)
+    for k in range(1, n):
+        e[k] += a * e[k - 1]
+    return e
+
+
+def test_columns_are_told_apart_by_their_names() -> None:
+    names = "recording t_s x x.measured x.std carriage.s carriage.s.std carriage.v carriage.v.std residual.carriage residual.carriage.std"
+    kinds = Columns.of(pd.DataFrame(columns=names.split()))
+    assert kinds == Columns(outputs=("x",), states=("carriage.s", "carriage.v"), residuals=("residual.carriage",))
+
+
+def test_the_autocorrelation_is_the_sum_of_the_textbook() -> None:
+    e = np.random.default_rng(0).standard_normal(300)
+    e[[5, 77, 78, 250]] = np.nan
+    seen = e - np.nanmean(e)
+    direct = [np.nanmean(seen[: seen.size - k] * seen[k:]) for k in range(21)]
+    assert autocorrelation(e, 20) == pytest.approx(np.array(direct) / direct[0], abs=1e-12)
+
+
+def test_a_constant_or_empty_series_has_no_autocorrelation() -> None:
+    assert np.isnan(autocorrelation(np.ones(50), 3)).all()
+    assert np.isnan(autocorrelation(np.full(50, np.nan), 3)).all()
+
+
+def test_unrelated_coloured_series_get_the_deviation_that_they_have() -> None:
+    rng, n, a = np.random.default_rng(1), 2000, 0.9
+    found = [correlation(coloured(rng, a, n), coloured(rng, a, n)) for _ in range(60)]
+    expected = np.sqrt((1 + a * a) / (1 - a * a) / n)  # Bartlett, both first order
+    assert np.std([r for r, _ in found]) == pytest.approx(expected, rel=0.3)
+    assert np.median([d for _, d in found]) == pytest.approx(expected, rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def motion() -> pd.DataFrame:
+    t = np.arange(8000) * 1e-3
+    s = 0.1 * np.sin(3 * t) + 0.03 * np.sin(11 * t)
+    return pd.DataFrame({"t_s": t, "carriage.s": s, "carriage.v": 0.3 * np.cos(3 * t) + 0.33 * np.cos(11 * t)})
+
+
+@pytest.mark.parametrize(
+    ("force", "words"),
+    [
+        (lambda s, v, a: 5 * np.sign(v), "the sign of carriage.v"),
+        (lambda s, v, a: -30 * v, "carriage.v"),
+        (lambda s, v, a: 20 * np.abs(v), "the size of carriage.v"),
+        (lambda s, v, a: 40 * v * np.abs(v), "carriage.v squared, with its sign"),
+        (lambda s, v, a: 2 * a, "the rate of change of carriage.v"),
+        (lambda s, v, a: 60 * s, "carriage.s"),
+    ],
+)
+def test_a_residual_is_named_after_the_law_that_made_it(motion: pd.DataFrame, force, words: str) -> None:  # type: ignore[no-untyped-def]
+    s, v, t = (motion[c].to_numpy() for c in ("carriage.s", "carriage.v", "t_s"))
+    w = force(s, v, np.gradient(v, t)) + 0.5 * np.random.default_rng(2).standard_normal(t.size)
+    found = companion(w, ["carriage.v", "carriage.s"], motion, UNITS, np.arange(t.size))
+    assert found is not None
+    assert found.what == words
+
+
+def test_noise_goes_with_nothing(motion: pd.DataFrame) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        w = coloured(rng, 0.95, len(motion))
+        assert companion(w, ["carriage.v", "carriage.s"], motion, UNITS, np.arange(len(motion))) is None
+
+
+def test_a_place_is_held_against_its_own_states_or_else_those_of_its_kind() -> None:
+    states = ("carriage.s", "carriage.v", "wheel.omega", "motor.i")
+    assert own_states("carriage", "N", states, UNITS) == (["carriage.v", "carriage.s"], True)
+    assert own_states("screw", "N", states, UNITS) == (["carriage.v", "carriage.s"], False)
+    assert own_states("spindle", "N.m", states, UNITS) == (["wheel.omega"], False)
+    assert own_states("motor", "V", states, UNITS) == (["motor.i"], True)
+    assert own_states("valve", "Pa", states, UNITS) == ([], False)

@@ -1,0 +1,377 @@
+"""The pages: everything in one file, every number and unit on it, and the curves are the data. Results are made by hand from formulas."""
+
+import base64
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+import pytest
+
+from backsight.estimation.recording import Recording
+from backsight.estimation.report import write_report, write_simulation_report
+
+NAME = "axis <1>.csv"
+UNITS = {"t_s": "s", "x": "m", "carriage.s": "m", "carriage.v": "m/s", "residual.carriage": "N", "input.F": "N"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    name: str
+    value: float
+    unit: str
+    std: float | None = None
+    fixed: bool = False
+    identifiable: bool | None = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    rms: float
+    fit_percent: float
+    whiteness_p: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    unit: str
+    rms: float
+    origin: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solver:
+    status: str = "Solved to the requested accuracy."
+    converged: bool = True
+    iterations: int = 7
+    seconds: float = 0.83
+    build_seconds: float = 1.25
+    variables: int = 12_345
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weights:
+    W: Mapping[str, float]
+    V: Mapping[str, float]
+    tau: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    model: str
+    parameters: Mapping[str, Estimate]
+    estimates: Mapping[str, pd.DataFrame]
+    inputs: Mapping[str, Mapping[str, np.ndarray]]
+    units: Mapping[str, str]
+    fit: Mapping[str, Mapping[str, Fit]]
+    weights: Weights
+    residual_places: Mapping[str, Place]
+    solver: Solver = field(default_factory=Solver)
+    notes: tuple[str, ...] = ("W of carriage was chosen by its evidence.",)
+
+
+PARAMETERS = {
+    p.name: p
+    for p in (
+        Estimate(name="carriage.m", value=95.0131, std=0.0213, unit="kg"),
+        Estimate(name="friction.d", value=199.87, std=0.231, unit="N.s/m"),
+        Estimate(name="friction.f_c", value=20.0321, std=0.0412, unit="N"),
+        Estimate(name="offset.f", value=-3.0052, std=0.0112, unit="N"),
+        Estimate(name="friction.width", value=1e-3, unit="m/s", fixed=True, identifiable=None),
+    )
+}
+
+
+def made(n: int = 2000, names: tuple[str, ...] = (NAME,), dry: float = 0.0) -> tuple[Result, list[Recording]]:
+    """A sine of 1.5 rad/s with 1 um of white noise; the residual is `dry` times the sign of the velocity, and noise of 0.3 N."""
+    frames, inputs, recordings, fit = {}, {}, [], {}
+    for k, name in enumerate(names):
+        rng = np.random.default_rng(k)
+        t = np.arange(n) * 1e-2
+        s, v = 0.1 * np.sin(1.5 * t), 0.15 * np.cos(1.5 * t)
+        x, w = s + 1e-6 * rng.standard_normal(n), dry * np.sign(v) + 0.3 * rng.standard_normal(n)
+        frames[name] = pd.DataFrame({"t_s": t, "x": s, "x.measured": x, "x.std": np.full(n, 2e-7)})
+        for column, values, std in (("carriage.s", s, 2e-7), ("carriage.v", v, 1e-3), ("residual.carriage", w, 0.3)):
+            frames[name][column], frames[name][f"{column}.std"] = values, np.full(n, std)
+        inputs[name] = {"F": 100 * np.sin(1.5 * t)}
+        recordings.append(Recording(name=name, time=t, inputs=inputs[name], outputs={"x": x}, output_std={"x": 1e-6}))
+        fit[name] = {"x": Fit(rms=1.01e-6, fit_percent=99.9986, whiteness_p=0.31)}
+    result = Result(
+        model="actuator",
+        parameters=PARAMETERS,
+        estimates=frames,
+        inputs=inputs,
+        units=UNITS,
+        fit=fit,
+        weights=Weights(W={"carriage": 0.0123}, V={"x": 1.04e-6}),
+        residual_places={"carriage": Place(unit="N", rms=0.3, origin="force balance of carriage")},
+    )
+    return result, recordings
+
+
+class Page(HTMLParser):
+    """What a browser would see: elements, text outside of scripts and styles, the charts' data."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text, self.charts, self.styles = "", [], ""
+        self._inside, self._kind = "", ""
+        source = path.read_text(encoding="utf-8")
+        self.size = path.stat().st_size
+        self.feed(source)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag in {"script", "style"}:
+            self._inside, self._kind = tag, dict(attrs).get("type") or ""
+
+    def handle_endtag(self, tag: str) -> None:
+        self._inside = "" if tag in {"script", "style"} else self._inside
+
+    def handle_data(self, data: str) -> None:
+        if self._inside == "script" and self._kind == "application/json":
+            self.charts.append(json.loads(data))
+        elif self._inside == "style":
+            self.styles += data
+        elif not self._inside:
+            self.text += data
+
+    def trace(self, name: str, which: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        traces = [t for c in self.charts for t in c["data"] if t["name"].startswith(name) and t.get("line", {}).get("width") != 0]
+        return unpacked(traces[which]["x"]), unpacked(traces[which]["y"])
+
+
+def unpacked(array: dict[str, Any]) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(array["bdata"]), dtype={"f4": "<f4", "f8": "<f8"}[array["dtype"]])
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    result, recordings = made()
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    write_report(result, path, recordings=recordings)
+    return Page(path)
+
+
+def test_the_page_loads_nothing_from_elsewhere(page: Page) -> None:
+    assert not {tag for tag, _ in page.elements} & {"link", "img", "iframe", "object", "embed", "base", "video", "audio", "source", "form"}
+    for tag, attributes in page.elements:
+        assert "src" not in attributes, tag
+        assert attributes.get("href", "#").startswith("#"), tag  # type: ignore[union-attr]
+    assert "url(" not in page.styles
+    assert "@import" not in page.styles
+    policy = next(a["content"] for t, a in page.elements if t == "meta" and a.get("http-equiv") == "Content-Security-Policy")
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+
+
+def test_every_parameter_is_listed_with_value_uncertainty_and_unit(page: Page) -> None:
+    text = page.text
+    for name in PARAMETERS:
+        assert name in text
+    for shown in ("95.013 ± 0.021 kg", "199.87 ± 0.23 N·s/m", "20.032 ± 0.041 N", "−3.005 ± 0.011 N"):
+        assert shown in text
+    for shown in ("m/s", "fixed", "estimated", "0.022 %"):
+        assert shown in text
+
+
+def test_the_words_say_how_well_it_fits_and_that_nothing_is_odd(page: Page) -> None:
+    assert "x is met to 1.01 µm rms (fit 99.9986 %)" in page.text
+    assert "Unexplained at carriage: 0.3 N rms, 0.42 % of the input F (70.7 N rms)" in page.text
+    assert "Nothing looks odd" in page.text
+    assert "cannot be told from white noise" in page.text
+
+
+def test_weights_rules_and_solver_facts_are_on_the_page(page: Page) -> None:
+    for shown in ("12.3 mN", "1.04 µm", "W of carriage was chosen by its evidence.", "Solved to the requested accuracy.", "12\u202f345", "0.83 s"):
+        assert shown in page.text
+
+
+def test_every_axis_has_its_unit_in_brackets(page: Page) -> None:
+    titles = [axis["title"]["text"] for c in page.charts for key, axis in c["layout"].items() if re.match("[xy]axis", key)]
+    assert titles
+    assert all(re.search(r"\[[^\]]+\]$", t) for t in titles), titles
+    for expected in ("time [s]", "x [m]", "error [µm]", "residual carriage [N]", "carriage.v [m/s]", "carriage.s [m]", "F [N]", "lag [samples]"):
+        assert expected in titles
+
+
+def test_the_drawing_library_knows_every_attribute_of_every_chart(page: Page) -> None:
+    assert len(page.charts) == 6
+    for chart in page.charts:
+        go.Figure(chart)  # raises on an unknown name or a value of the wrong kind
+
+
+def test_the_curves_are_the_numbers_of_the_recording(page: Page) -> None:
+    result, recordings = made()
+    frame = result.estimates[NAME]
+    t, x = page.trace("measured")
+    assert t == pytest.approx(recordings[0].time, rel=1e-6)
+    assert x == pytest.approx(recordings[0].outputs["x"], abs=1e-8)
+    error = (frame["x.measured"] - frame["x"]).to_numpy() * 1e6
+    assert page.trace("error")[1] == pytest.approx(error, abs=1e-6)
+    assert page.trace("residual at")[1] == pytest.approx(frame["residual.carriage"].to_numpy(), abs=1e-6)
+
+
+def test_the_band_holds_95_percent_and_the_noise_lines_are_two_deviations(page: Page) -> None:
+    traces = next(c["data"] for c in page.charts if any(t["name"].startswith("residual at") for t in c["data"]))
+    low, high, middle = (unpacked(t["y"]) for t in traces)
+    assert high - middle == pytest.approx(np.full(middle.size, 1.96 * 0.3), rel=1e-4)
+    assert middle - low == pytest.approx(np.full(middle.size, 1.96 * 0.3), rel=1e-4)
+    assert page.trace("±2 std")[1] == pytest.approx([2.08, 2.08], rel=1e-6)  # µm
+
+
+def test_a_residual_that_follows_the_sign_of_the_velocity_is_said_to(tmp_path: Path) -> None:
+    result, recordings = made(dry=2.0)
+    write_report(result, tmp_path / "r.html", recordings=recordings)
+    text = Page(tmp_path / "r.html").text
+    assert "The residual force at carriage goes with the sign of carriage.v" in text
+    assert "dry friction" in text
+    assert "Nothing looks odd" not in text
+
+
+def test_a_bin_mean_of_the_residual_over_velocity_shows_the_step(tmp_path: Path) -> None:
+    result, recordings = made(n=6000, dry=2.0)
+    write_report(result, tmp_path / "r.html", recordings=recordings)
+    v, w = Page(tmp_path / "r.html").trace("mean of a bin")
+    assert np.all(np.abs(w - 2 * np.sign(v)) < 0.15)
+
+
+def test_names_and_notes_cannot_become_markup(tmp_path: Path) -> None:
+    evil = '<script>alert("1")</script><img src=x> & </script>'
+    result, recordings = made()
+    frame = result.estimates[NAME].rename(columns={"x": evil, "x.measured": f"{evil}.measured", "carriage.v": f"{evil}.v"})
+    renamed = replace(
+        result,
+        model=evil,
+        notes=(evil,),
+        estimates={evil: frame},
+        inputs={evil: {evil: result.inputs[NAME]["F"]}},
+        parameters={evil: Estimate(name=evil, value=1.0, std=0.1, unit=evil)},
+        fit={evil: {evil: Fit(rms=1.0, fit_percent=5.0, whiteness_p=0.5)}},
+        units={evil: evil},
+        residual_places={"carriage": Place(unit=evil, rms=1.0, origin=evil)},
+        solver=Solver(status=evil, converged=False),
+        weights=Weights(W={"carriage": 1.0, evil: 1.0}, V={evil: 1.0}, tau={evil: 0.1}),
+    )
+    again = Recording(name=evil, time=recordings[0].time, inputs=recordings[0].inputs, outputs={evil: recordings[0].outputs["x"]})
+    for ordinary, page_of in ((made(), "a.html"), ((renamed, [again]), "b.html")):
+        write_report(ordinary[0], tmp_path / page_of, recordings=ordinary[1])
+    plain, attacked = Page(tmp_path / "a.html"), Page(tmp_path / "b.html")
+    count = [sum(tag == "script" for tag, _ in p.elements) for p in (plain, attacked)]
+    assert count[1] - len(attacked.charts) == count[0] - len(plain.charts) == 2
+    assert not any(tag == "img" for tag, _ in attacked.elements)
+    assert attacked.text.count('alert("1")') > 5
+    words = [t["name"] for c in attacked.charts for t in c["data"]]
+    words += [axis["title"]["text"] for c in attacked.charts for key, axis in c["layout"].items() if re.match("[xy]axis", key)]
+    assert not any("<" in w for w in words)
+
+
+def test_a_quarter_of_a_million_samples_stay_below_eight_megabytes_and_keep_their_spike(tmp_path: Path) -> None:
+    result, recordings = made(n=250_000)
+    frame = result.estimates[NAME].copy()
+    frame.loc[123_457, "x.measured"] += 5e-5
+    write_report(replace(result, estimates={NAME: frame}), tmp_path / "r.html", recordings=recordings)
+    page = Page(tmp_path / "r.html")
+    assert page.size < 8e6
+    assert "drawn by the minimum and the maximum" in page.text
+    t, error = page.trace("error")
+    assert t[error.argmax()] == pytest.approx(1234.57, abs=1e-3)
+    assert error.max() == pytest.approx(50, abs=5)
+    assert t.size < 20_000
+    assert "1 sample of x lie" in page.text or "1 sample of x lies" in page.text
+
+
+def test_several_recordings_have_a_section_each_and_stay_small(tmp_path: Path) -> None:
+    names = tuple(f"run_{k}.csv" for k in range(6))
+    result, recordings = made(n=30_000, names=names)
+    held_out = Recording(name="held_out.csv", time=np.arange(3) * 1.0, inputs={}, outputs={}, role="held_out")
+    write_report(result, tmp_path / "r.html", recordings=[*recordings, held_out])
+    page = Page(tmp_path / "r.html")
+    for name in names:
+        assert f"Measured and smoothed: {name}" in page.text
+    assert "6 recordings (" in page.text
+    assert "Not part of this estimation: held_out.csv" in page.text
+    assert page.size < 8e6
+    groups = {a["data-group"] for t, a in page.elements if t == "figure" and "data-group" in a}
+    assert len(groups) == 6
+
+
+def test_missing_values_do_not_stop_the_page(tmp_path: Path) -> None:
+    result, recordings = made()
+    frame = result.estimates[NAME].copy()
+    frame["x.std"] = np.nan
+    frame["residual.carriage.std"] = np.nan
+    frame["residual.nowhere"] = np.nan
+    frame.loc[100:400, "x.measured"] = np.nan
+    frame = frame.drop(columns=["carriage.s.std"])
+    bare = replace(
+        result,
+        parameters={
+            "a": Estimate(name="a", value=1.0, unit=""),
+            "b": Estimate(name="b", value=float("nan"), std=float("nan"), unit="kg", identifiable=False),
+            "c": Estimate(name="c", value=0.0, std=0.0, unit="1"),
+        },
+        estimates={NAME: frame},
+        inputs={},
+        units={},
+        fit={NAME: {"x": Fit(rms=float("nan"), fit_percent=float("nan"), whiteness_p=None)}},
+        weights=Weights(W={}, V={}),
+        residual_places={},
+        notes=(),
+        solver=Solver(status="Iteration limit reached.", converged=False),
+    )
+    write_report(bare, tmp_path / "r.html", recordings=recordings)
+    page = Page(tmp_path / "r.html")
+    assert "301 samples are missing" in page.text
+    assert "The solver did not converge" in page.text
+    assert "The data do not determine b" in page.text
+    assert "not tested" in page.text
+    for chart in page.charts:
+        go.Figure(chart)
+    write_report(replace(bare, estimates={}, fit={}, parameters={}), tmp_path / "empty.html", recordings=[])
+    assert "actuator" in Page(tmp_path / "empty.html").text
+
+
+def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    result, recordings = made()
+    write_report(result, str(tmp_path / "r.html"), recordings=recordings)
+    first = (tmp_path / "r.html").read_bytes()
+    write_report(result, tmp_path / "r.html", recordings=recordings)
+    assert (tmp_path / "r.html").read_bytes() == first, "equal results are equal pages"
+    assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
+
+
+def test_a_simulation_stands_beside_its_recording_with_the_fit_of_the_formula(tmp_path: Path) -> None:
+    result, recordings = made(n=3000)
+    frame = result.estimates[NAME][["t_s", "carriage.s", "carriage.v"]].assign(x=lambda f: 0.9 * f["carriage.s"])
+    write_simulation_report(
+        frame, recordings, tmp_path / "s.html", model="actuator", units=UNITS, parameters={"carriage.m": (95.0, "kg")}, notes=("Started at rest.",)
+    )
+    page = Page(tmp_path / "s.html")
+    # A tenth of a sine of amplitude 0.1 is missing: rms 0.01 / sqrt 2, fit 90 %.
+    assert "7.0" in page.text
+    assert " mm rms (fit 90.0 %)" in page.text
+    assert "Started at rest." in page.text
+    assert "95" in page.text
+    assert page.trace("simulated")[1] == pytest.approx(frame["x"].to_numpy(), abs=1e-7)
+    for chart in page.charts:
+        go.Figure(chart)
+    assert not any("src" in a for _, a in page.elements)
+
+
+def test_a_simulation_without_measured_outputs_shows_the_model_alone(tmp_path: Path) -> None:
+    result, recordings = made(names=("a.csv", "b.csv"))
+    bare = [Recording(name=r.name, time=r.time, inputs=r.inputs, outputs={}) for r in recordings]
+    frames = {name: frame[["t_s", "x", "carriage.v"]] for name, frame in result.estimates.items()}
+    write_simulation_report(frames, bare, tmp_path / "s.html", model="actuator", units=UNITS)
+    page = Page(tmp_path / "s.html")
+    assert "nothing measured" in page.text
+    assert "States and inputs: b.csv" in page.text
