@@ -21,10 +21,10 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
     """The result object of a smoothing run."""
     dae, solution = problem.dae, choice.solution
     t, solved = solution.transcription, solution.solved
-    determined = _determined(solution)
+    determined = solution.determined
     estimates, fit = {}, {}
     for number, recording in enumerate(problem.fitted):
-        s = solution.sampled(number, deviations=determined)
+        s = solution.sampled(number)
         columns: dict[str, Array] = {"t_s": recording.time}
         fits = {}
         for i, q in enumerate(dae.outputs):
@@ -66,16 +66,10 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
     )
 
 
-def _determined(solution: Solution) -> bool:
-    try:
-        return solution.curvature.definite
-    except np.linalg.LinAlgError:
-        return False
-
-
 def _parameters(problem: Problem, solution: Solution, determined: bool) -> dict[str, ParameterEstimate]:
     values = solution.parameters
-    variance = np.diag(solution.curvature.parameter_covariance) if determined else np.full(len(problem.free), np.nan)
+    covariance = solution.curvature.parameter_covariance if determined and solution.curvature else np.full((len(problem.free),) * 2, np.nan)
+    variance = np.diag(covariance)
     std = dict(zip(problem.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
     out = {}
     for i, info in enumerate(problem.dae.parameters):

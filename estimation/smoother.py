@@ -12,24 +12,21 @@ from typing import Literal
 
 import numpy as np
 
-from backsight.ocp import Horizon, Options, ParameterPrior, Solution, Solver, Transcription, transcribe
-from backsight.ocp.bandwidth import fastest_rate
-from backsight.ocp.follow import Followed, follow
+from backsight.ocp import Options, ParameterPrior, Solution, Solver, Transcription, transcribe
+from backsight.ocp.follow import follow
 from backsight.ocp.nlp import Values
+from backsight.ocp.readout import read
+from backsight.ocp.scaling import scaled
 
-from .horizons import make_horizon, output_stds, sample_density, sampling_interval
+from .horizons import make_horizon, output_stds
 from .initial_guess import balance, smoothing_widths, start_decisions
+from .meshing import Meshed, longest_step, mesh
 from .outcome import outcome
 from .problem import Free, Problem
 from .results import Smoothing
 from .variances import Choice, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-
-RESOLUTION = 0.5  # mesh step times the fastest mode of the smoother
-LONGEST = 5.0  # mesh step over the sampling interval, at most
-STIFF = 1e4  # scaled residual per conditional deviation of the trajectory beyond which the balances become constraints
-
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -55,23 +52,21 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     dae = problem.dae
     stds, chosen_outputs = output_stds(problem)
     say("following the samples")
-    step = LONGEST * min(sampling_interval(r) for r in problem.fitted)
-    followed = follow(dae, _horizons(problem, stds, 2 * step), problem.values)
+    coarse = 2 * longest_step(problem)
+    followed = follow(dae, [make_horizon(dae, r, std, problem.initial, coarse) for r, std in zip(problem.fitted, stds, strict=True)], problem.values)
     parameters = problem.values
     for index, width in smoothing_widths(problem, followed).items():
         parameters[index] = width
     start = balance(problem, followed, parameters)
     given = {k: problem.weights.W[p.name] for k, p in enumerate(dae.places) if p.name in problem.weights.W}
     force_std = {**start.force_std, **given}
-    if settings.step is None:
-        step = min(step, _mesh_step(problem, followed, stds, force_std, parameters))
-    say(f"mesh step {1e3 * (settings.step or step):.3g} ms")
-    horizons = _horizons(problem, stds, settings.step or step)
-    transcription = _transcribe(problem, horizons, force_std, settings)
+    meshed = mesh(problem, followed, stds, force_std, start.parameters, settings.degree, settings.step)
+    say(f"mesh of {sum(h.mesh.count for h in meshed.horizons)} intervals")
+    transcription = _transcribe(problem, meshed, force_std, settings, rigid=meshed.rigid and not start.force_std.keys() - given.keys())
     solver = Solver(transcription.nlp, settings.options)
     first = start_decisions(transcription, followed, start.parameters)
-    values = transcription.nlp.values(parameters)
-    values = replace(values, unit=_units(solver, first, values))
+    values = _with_fine_input(transcription, first, start.parameters, transcription.nlp.values(parameters))
+    values = scaled(solver, first, values)
     lower, upper = _bounds(problem, transcription)
     build = time.perf_counter() - began
 
@@ -84,30 +79,26 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     return outcome(problem, choice, stds, build=build, seconds=time.perf_counter() - began - build)
 
 
-def _horizons(problem: Problem, stds: list[dict[str, float]], step: float) -> list[Horizon]:
-    return [make_horizon(problem.dae, r, std, problem.initial, step) for r, std in zip(problem.fitted, stds, strict=True)]
-
-
-def _mesh_step(problem: Problem, followed: Followed, stds: list[dict[str, float]], force_std: dict[int, float], parameters: Array) -> float:
-    """The step that resolves the fastest mode of the smoother in every recording."""
-    step = np.inf
-    for number, (recording, std) in enumerate(zip(problem.fitted, stds, strict=True)):
-        horizon = followed.horizons[number]
-        times = np.linspace(horizon.time[0], horizon.time[-1], 41)[1:-1]
-        dx, x, z = followed.at(number, times)
-        density = sample_density(problem.dae, recording, std)
-        rate = fastest_rate(problem.dae, dx, x, z, horizon.input_at(times), parameters, force_std, density)
-        step = min(step, RESOLUTION / rate if rate > 0 else np.inf)
-        step = max(step, 0.25 * sampling_interval(recording))
-    return step
-
-
-def _transcribe(problem: Problem, horizons: list[Horizon], force_std: dict[int, float], settings: Settings) -> Transcription:
+def _transcribe(problem: Problem, meshed: Meshed, force_std: dict[int, float], settings: Settings, *, rigid: bool) -> Transcription:
     free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
     known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
     prior = ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
-    method = "spline" if settings.method == "auto" else settings.method
-    return transcribe(problem.dae, horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=settings.degree)
+    method, degree = settings.method, settings.degree
+    if method == "auto":
+        # the cost of nearly rigid balances is too stiff to be squared; as constraints they are harmless
+        method, degree = ("collocation", degree + 1) if rigid else ("spline", degree)
+    return transcribe(problem.dae, meshed.horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=degree)
+
+
+def _with_fine_input(transcription: Transcription, decisions: Array, parameters: Array, values: Values) -> Values:
+    """Targets less what the input's fine structure adds to the outputs between the knots: the polynomials need not follow it.
+
+    It is a small share of the noise (`meshing.py` sees to that), so the first trajectory and parameters are good enough to compute it.
+    """
+    parts = [read(transcription, k, decisions, parameters).moved_outputs for k in range(len(transcription.horizons))]
+    moved = np.hstack(parts)
+    targets = tuple(y - moved if t.name == "samples" else y for t, y in zip(transcription.nlp.terms, values.target, strict=True))
+    return replace(values, target=targets)
 
 
 def _bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Array]:
@@ -123,27 +114,3 @@ def _bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Arra
         known = horizon.initial_std == 0
         lower[start[known]] = upper[start[known]] = horizon.initial[known]
     return lower, upper
-
-
-def _units(solver: Solver, decisions: Array, values: Values) -> Array:
-    """The unit of every decision: its deviation when all others are known, 1/sqrt(H_ii), the same for all copies of a variable.
-
-    What the cost does not see gets the size of its start instead.
-    """
-    nlp = solver.nlp
-    diagonal = solver.hessian(decisions, replace(values, gamma=0.0))[0].diagonal()
-    n, stride = nlp.trajectory_size, nlp.interpolation.states + nlp.interpolation.interior
-    unit = np.ones(nlp.size)
-    for column in range(stride):
-        where = nlp.index[column]
-        seen = diagonal[where] > 0
-        size = float(np.sqrt(np.mean(decisions[where] ** 2)))
-        unit[where] = float(np.median(diagonal[where][seen] ** -0.5)) if seen.any() else size or 1.0
-    last = np.setdiff1d(np.arange(n), nlp.index[:stride].ravel())
-    for i in last:
-        column = int(np.argwhere(nlp.index[stride:] == i)[0][0])
-        unit[i] = unit[nlp.index[column, 0]]
-    for k in range(n, nlp.size):
-        size = abs(decisions[k]) or 1.0
-        unit[k] = diagonal[k] ** -0.5 if diagonal[k] > 0 else size
-    return unit

@@ -97,7 +97,7 @@ class Study:
             raise InputError(f'{self.label}: there is no recording; add a table [[recording]] with file = "run.csv"')
         self._check_signals()
         self._check_repeated()
-        return tuple(self._recording(k, entry) for k, entry in enumerate(self.file.recording))
+        return tuple(self._recording(entry) for entry in self.file.recording)
 
     def values(self) -> dict[str, float]:
         """Every parameter the study names, the guess standing for one that is to be estimated."""
@@ -110,6 +110,19 @@ class Study:
         for name in self.file.initial:
             self._known(name, known, "initial", name, what="state")
         return {name: float(value) for name, value in self.file.initial.items()}
+
+    def horizon(self) -> int | None:
+        """Samples of the moving horizon, None where the study leaves it open; it must fit into every fitted recording."""
+        if self.file.horizon is None:
+            return None
+        samples = self.file.horizon.samples
+        for recording in self.recordings:
+            if recording.role == "fit" and samples > recording.time.size:
+                where = self._at("horizon", "samples")
+                raise InputError(
+                    f"{where}: horizon, samples = {samples} is longer than {recording.name} with {recording.time.size} rows; shorten it"
+                )
+        return samples
 
     def problem(self) -> Problem:
         """The estimation problem. Raises InputError where it cannot be posed."""
@@ -198,11 +211,9 @@ class Study:
                     raise InputError(f"{self._at('recording', k, 'file')}: {entry.file} is used {how}; {remedy}")
             seen.append(entry)
 
-    def _recording(self, k: int, entry: RecordingTable) -> Recording:
+    def _recording(self, entry: RecordingTable) -> Recording:
         files = [other.file for other in self.file.recording]
         span = f" [{number(entry.range[0])}, {number(entry.range[1])}]" if entry.range and files.count(entry.file) > 1 else ""
-        if not entry.outputs and entry.role == "held_out":
-            raise InputError(f"{self._at('recording', k)}: {entry.file} is held out and has no outputs to be compared with; add them")
         return Recording.read(
             self.path.parent / entry.file,
             name=entry.file + span,

@@ -9,7 +9,7 @@ from .compiler import compile_model
 from .connectors import Planar, Rotational, Translational
 from .dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
 from .errors import BacksightError, InputError, ModelError, SolveError
-from .language import Component, Connector, Pair, Parameter, Variable, balance, equal, law
+from .language import Component, Connector, Equation, Pair, Parameter, Variable, balance, equal, law
 from .model import Model, Output
 from .simulation import Trajectory, simulate
 from .text import equations_text
@@ -19,6 +19,7 @@ __all__ = [
     "Component",
     "Connector",
     "Dae",
+    "Equation",
     "EquationInfo",
     "InputError",
     "Model",

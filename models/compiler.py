@@ -27,6 +27,8 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
 
     Raises ModelError for a model that is not connected, not determined, singular, and for a place that does not exist or has no meaning.
     """
+    if not model.components:
+        raise ModelError(f"model '{model.name}' has no components; add some")
     flat = flatten(model)
     available = {
         e.slot[0]: Place(

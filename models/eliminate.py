@@ -146,11 +146,16 @@ class Eliminator:
             name = symbol.name()
             if name not in self.flat.variables or name in self.known or f"der({name})" in present:
                 continue
-            if name in differentiated and not fixed:
+            if name in differentiated and not (fixed and self._keeps_states(residual, name, differentiated)):
                 continue
             if self._is_safe(ca.jacobian(residual, symbol)):
                 found.append(name)
         return found
+
+    def _keeps_states(self, residual: SX, name: str, differentiated: set[str]) -> bool:
+        """Whether defining a differentiated variable by this row makes no state of a variable that enters it nonlinearly and is none yet."""
+        others = [s for s in ca.symvar(residual) if s.name() in self.flat.variables and s.name() not in (name, *differentiated)]
+        return all(ca.jacobian(residual, other).is_constant() or self._is_safe(ca.jacobian(residual, other)) for other in others)
 
     def _use(self, row: int, name: str) -> None:
         """Eliminate `name` by the equation at `row`, in all other rows and in the earlier definitions."""

@@ -205,7 +205,9 @@ def connection_sets(model: Model) -> list[list[str]]:
         if left is not right:
             left += right
             node.update(dict.fromkeys(right, left))
-    return list({id(members): members for members in node.values()}.values())
+    order = {path: i for i, path in enumerate(node)}
+    unique = {id(members): sorted(members, key=order.__getitem__) for members in node.values()}
+    return sorted(unique.values(), key=lambda members: order[members[0]])
 
 
 def _connection_equations(model: Model, table: _Table) -> Iterator[FlatEquation]:

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, ClassVar, Literal, Self, overload
 
 from .errors import ModelError, suggestion
@@ -185,11 +186,8 @@ class _Values(Mapping[str, float]):
 
 
 def _check_value(where: str, value: object, parameter: Parameter) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        try:
-            value = float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            raise TypeError(f"{where}: a parameter value is a number [{parameter.unit}], not {type(value).__name__}") from None
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{where}: a parameter value is a number [{parameter.unit}], not {type(value).__name__}")
     if not math.isfinite(value):
         raise ModelError(f"{where}: the value must be finite; give a number [{parameter.unit}]")
     if not parameter.min <= value <= parameter.max:

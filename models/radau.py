@@ -28,7 +28,7 @@ from .errors import SolveError
 Array = NDArray[np.float64]
 STAGES = 5
 _NEWTON = 8
-_SMALLEST = 1e-14  # of the longer of |t| and the interval
+_SMALLEST = 1e-15  # of the interval
 
 
 def tableau(stages: int) -> tuple[Array, Array, Array]:
@@ -75,24 +75,24 @@ class Stepper:
 
         Raises SolveError naming the time at which no step, however short, meets the tolerance.
         """
-        start, h = t, min(try_first, until - t)
-        smallest = _SMALLEST * max(abs(t), until - t)
+        interval = until - t
+        since, h = 0.0, min(try_first, interval)  # time since t: what is added up must not drown in a large t
         rate, z = self.rate(x, z, base, t)
-        while t < until:
-            last = until - t <= h * (1 + 1e-9)
-            h = until - t if last else h
-            result = self._attempt(x, z, rate, t, h, t - start, base, slope)
+        while since < interval:
+            last = interval - since <= h * (1 + 1e-9)
+            h = interval - since if last else h
+            result = self._attempt(x, z, rate, t + since, h, since, base, slope)
             if result is None:
                 h *= 0.2
             else:
                 new_x, new_z, new_rate, error = result
                 if error <= 1.0:
-                    x, z, rate, t = new_x, new_z, new_rate, until if last else t + h
+                    x, z, rate, since = new_x, new_z, new_rate, interval if last else since + h
                     self.seen = np.maximum(self.seen, np.abs(x))
                 h *= min(10.0, max(0.1, 0.9 * max(error, 1e-12) ** (-1 / (STAGES + 1))))
-            if h < smallest and t < until:
+            if h < _SMALLEST * interval and since < interval:
                 raise SolveError(
-                    f"the integration stopped at t = {t:.9g} s: no step, however short, meets the tolerance {self.rtol:g}; "
+                    f"the integration stopped at t = {t + since:.9g} s: no step, however short, meets the tolerance {self.rtol:g}; "
                     "look for values that run away, or a law that is discontinuous there"
                 )
         return x, z, h
@@ -163,6 +163,8 @@ class _Call:
 
     def __call__(self) -> None:
         self._evaluate()
+        if self._buffer.ret():  # a singular matrix
+            self.result[:] = np.nan
 
 
 def newton_function(unknown: Any, given: Any, equations: Any) -> Any:

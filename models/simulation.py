@@ -102,16 +102,19 @@ def _highest(dae: Dae, states: Array, u: Array, values: Array, times: Array, gue
     given = np.vstack([states, u, times[None, :]])
     found = np.zeros((unknown.shape[0], count)) if guess is None else guess
     for _ in range(30):
-        change = step(found, given).full()
+        try:
+            change = step(found, given).full()
+        except RuntimeError:  # CasADi: a singular matrix
+            break
         found = found - change
         if not np.all(np.isfinite(found)):
             break
         if np.max(np.abs(change) / (1.0 + np.abs(found)), initial=0.0) < 1e-12:
             return found[:nx], found[nx:]
-    bad = int(np.argmax(~np.isfinite(found).all(axis=0)))
+    when = f"{times[0]:.9g} s" if count == 1 else f"{times[0]:.9g} .. {times[-1]:.9g} s"
     raise SolveError(
-        f"no accelerations and algebraic values fulfil the equations of '{dae.name}' at t = {times[bad]:.9g} s; the model is "
-        "singular for these parameter values (a mass of zero?) or the initial values are far from consistent"
+        f"no accelerations and algebraic values fulfil the equations of '{dae.name}' at t = {when}: the model is singular for these "
+        "parameter values (a mass of zero?), or the initial values are far from consistent"
     )
 
 

@@ -32,12 +32,14 @@ def determination(flat: FlatModel, known: set[str]) -> None:
     too_many, disputed, too_few, unsettled = fault(incidence)
     problems = []
     if too_many:
-        origins = ", ".join(f"'{flat.equations[i].origin}'" for i in too_many[:6]) + (" ..." if len(too_many) > 6 else "")
-        variables = ", ".join(names[i] for i in disputed[:6]) or "no variable"
+        origins = ", ".join(f"'{flat.equations[i].origin}'" for i in too_many[:12]) + (" ..." if len(too_many) > 12 else "")
+        variables = ", ".join(names[i] for i in disputed[:12]) or "no variable"
         excess = len(too_many) - len(disputed)
+        given = {s.name() for i in too_many for s in ca.symvar(flat.equations[i].residual)} & known
+        driven = f", or drive something else than {', '.join(sorted(given))}" if given else ""
         problems.append(
             f"over-determined: the equations {origins} ({len(too_many)}) determine only {variables} ({len(disputed)}); "
-            f"remove {excess} of them, or the source or fixed point that says the same twice"
+            f"remove {excess} of them, or the source or fixed point that says the same twice{driven}"
         )
     if unsettled:
         variables = ", ".join(names[i] for i in unsettled[:6]) + (" ..." if len(unsettled) > 6 else "")

@@ -5,10 +5,11 @@ The inverse of the KKT matrix of the Gauss-Newton program,
     | H  J' |^-1   | C  . |
     | J  0  |    = | .  . |,         C = covariance of all unknowns given the data, on the constraints,
 
-is block-tridiagonal in time with a border for the parameters. With H_cc the part of the trajectories (and the multipliers),
-X = H_cc^-1 H_cp and S = H_pp - H_pc X:
+is block-tridiagonal in time with a border. Block k holds x(t_k), the interior of interval k and the multipliers of its constraints, which
+determine x(t_k) and the interior from x(t_(k+1)), so no block is singular; the last knot of every horizon and the parameters form the border.
+With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
 
-    C_pp = S^-1,    C_cc = H_cc^-1 + X C_pp X',    C_cp = -X C_pp
+    C_bb = S^-1,    C_cc = H_cc^-1 + X C_bb X',    C_cb = -X C_bb
 """
 
 from __future__ import annotations
@@ -41,24 +42,31 @@ class Curvature:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blocks:
-    """Where every unknown and every multiplier stands: block number and place in the block."""
+class Places:
+    """Where every unknown and multiplier stands: block (-1 in the border) and place there. Shapes (n + np + constraints,).
+
+    first (N,): block of every interval; last (H, nx): decisions of the last knots; count, size of the blocks; border: its size.
+    """
 
     block: Index
     place: Index
+    first: Index
+    last: Index
     count: int
     size: int
+    border: int
 
 
-def arrange(nlp: Nlp) -> Blocks:
-    """Block k holds x(t_k), the interior of interval k and the multipliers of its constraints; the last knot of a horizon its own."""
+def arrange(nlp: Nlp) -> Places:
+    """The places of all unknowns, in the order trajectory, parameters, multipliers."""
     nx, stride, index = nlp.interpolation.states, nlp.interpolation.states + nlp.interpolation.interior, nlp.index
-    intervals = index.shape[1]
+    intervals, n = index.shape[1], nlp.trajectory_size
     ends = np.append(index[0, 1:] != index[stride, :-1], True)
-    first = np.arange(intervals) + np.concatenate([[0], np.cumsum(ends[:-1])])
-    block, place = np.empty(nlp.trajectory_size, dtype=np.int64), np.empty(nlp.trajectory_size, dtype=np.int64)
-    block[index[:stride]], place[index[:stride]] = first, np.arange(stride)[:, None]
-    block[index[stride:, ends]], place[index[stride:, ends]] = first[ends] + 1, np.arange(nx)[:, None]
+    last = index[stride:, ends].T
+    block, place = np.full(nlp.size, -1, dtype=np.int64), np.empty(nlp.size, dtype=np.int64)
+    block[index[:stride]], place[index[:stride]] = np.arange(intervals), np.arange(stride)[:, None]
+    place[last.ravel()] = np.arange(last.size)
+    place[n:] = last.size + np.arange(len(nlp.free))
     used = np.full(intervals, stride)
     blocks, places = [block], [place]
     for term in nlp.terms:
@@ -67,102 +75,99 @@ def arrange(nlp: Nlp) -> Blocks:
             order = np.argsort(owner, kind="stable")
             rank = np.empty_like(order)
             rank[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
-            at = used[owner] + m * rank
-            blocks.append(np.repeat(first[owner], m))
-            places.append((at[:, None] + np.arange(m)).ravel())
-            used += m * np.bincount(owner, minlength=intervals)
-    return Blocks(block=np.concatenate(blocks), place=np.concatenate(places), count=int(first[-1]) + 2, size=int(used.max()))
+            blocks.append(np.repeat(owner, m))
+            places.append(((used[owner] + m * rank)[:, None] + np.arange(m)).ravel())
+            used = used + m * np.bincount(owner, minlength=intervals)
+    return Places(
+        block=np.concatenate(blocks),
+        place=np.concatenate(places),
+        first=np.arange(intervals),
+        last=last,
+        count=intervals,
+        size=int(used.max()),
+        border=last.size + len(nlp.free),
+    )
 
 
-def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: Array, fixed: Index) -> Curvature:
-    """Covariances from the (upper triangle of the) Hessian and the Jacobian in units `unit`; `fixed` decisions are known exactly.
+def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: Array, known: Index) -> Curvature:
+    """Covariances from the (upper triangle of the) Hessian and the Jacobian in units `unit`; `known` decisions are fixed.
 
     Raises numpy.linalg.LinAlgError when the unknowns are not determined at all.
     """
-    where, n, free = arrange(nlp), nlp.trajectory_size, len(nlp.free)
+    at, n = arrange(nlp), nlp.trajectory_size
     upper, J = hessian.tocoo(), jacobian.tocoo()
     rows = np.concatenate([upper.row, nlp.size + J.row])
     columns = np.concatenate([upper.col, J.col])
     values = np.concatenate([upper.data, J.data])
-    known = np.zeros(nlp.size + jacobian.shape[0], dtype=bool)
-    known[fixed] = True
-    keep = ~(known[rows] | known[columns])
-    rows, columns, values = rows[keep], columns[keep], values[keep]
-    # multipliers follow the trajectory unknowns; parameters last
-    def renumber(i: Index) -> Index:
-        return np.where(i < n, i, np.where(i < nlp.size, i - n + n + jacobian.shape[0], i - free))
-
-    rows, columns = renumber(rows), renumber(columns)
-    inner = n + jacobian.shape[0]
-    diagonal, lower, border, corner = _dense(where, rows, columns, values, inner, free)
-    blank = np.ones((where.count, where.size), dtype=bool)
-    blank[where.block, where.place] = False
-    gone = fixed[fixed < n]
-    blank[where.block[gone], where.place[gone]] = True
-    k, i = np.nonzero(blank)
+    fixed = np.zeros(len(at.block), dtype=bool)
+    fixed[known] = True
+    keep = ~(fixed[rows] | fixed[columns])
+    diagonal, lower, border, corner = _dense(at, rows[keep], columns[keep], values[keep])
+    idle = np.ones((at.count, at.size), dtype=bool)
+    inside = (at.block >= 0) & ~fixed
+    idle[at.block[inside], at.place[inside]] = False
+    k, i = np.nonzero(idle)
     diagonal[k, i, i] = 1.0
-    for q in fixed[fixed >= n] - n:
-        corner[q, q] = 1.0
+    gone = at.place[fixed & (at.block < 0)]
+    corner[gone, gone] = 1.0
     tree = factor(diagonal, lower)
     X = tree.solve(border)
     S = corner - np.einsum("kbi,kbj->ij", border, X)
-    eigenvalues = np.linalg.eigvalsh(S) if free else np.ones(1)
-    C = np.linalg.inv(S) if free else np.empty((0, 0))
+    eigenvalues = np.linalg.eigvalsh(S)
+    C = np.linalg.inv(S)
     C = (C + C.T) / 2
-    definite = tree.negative_eigenvalues == jacobian.shape[0] and bool(np.all(eigenvalues > 0))
-    local = _local_covariances(nlp, where, tree, X, C, blank)
+    C[gone], C[:, gone] = 0.0, 0.0
     theta = unit[n:]
-    scale = np.concatenate([nlp.local(unit[:n]), np.repeat(theta[:, None], nlp.index.shape[1], axis=1)]).T
+    scale = np.concatenate([nlp.local(unit[:n]), np.repeat(theta[:, None], at.count, axis=1)]).T
+    local = _local_covariances(nlp, at, tree, X, C, idle)
     return Curvature(
-        parameter_covariance=C * np.outer(theta, theta),
+        parameter_covariance=C[at.last.size :, at.last.size :] * np.outer(theta, theta),
         interval_covariance=local * scale[:, :, None] * scale[:, None, :],
         log_determinant=tree.log_abs_determinant + float(np.sum(np.log(np.abs(eigenvalues)))),
-        definite=definite,
+        definite=tree.negative_eigenvalues == jacobian.shape[0] and bool(np.all(eigenvalues > 0)),
     )
 
 
-def _dense(where: Blocks, rows: Index, columns: Index, values: Array, inner: int, free: int) -> tuple[Array, Array, Array, Array]:
-    """Dense blocks of the bordered KKT matrix from the entries of one triangle."""
-    b = where.size
-    diagonal, lower = np.zeros((where.count, b, b)), np.zeros((where.count - 1, b, b))
-    border, corner = np.zeros((where.count, b, free)), np.zeros((free, free))
-    both = (rows < inner) & (columns < inner)
-    r, c, v = rows[both], columns[both], values[both]
-    kr, kc, ir, ic = where.block[r], where.block[c], where.place[r], where.place[c]
-    same = kr == kc
-    np.add.at(diagonal, (kr[same], ir[same], ic[same]), v[same])
-    off = same & (r != c)
-    np.add.at(diagonal, (kr[off], ic[off], ir[off]), v[off])
-    down, up = kr == kc + 1, kc == kr + 1
-    np.add.at(lower, (kc[down], ir[down], ic[down]), v[down])
-    np.add.at(lower, (kr[up], ic[up], ir[up]), v[up])
-    for r, c, v in ((rows, columns, values), (columns, rows, values)):
-        mixed = (r < inner) & (c >= inner)
-        np.add.at(border, (where.block[r[mixed]], where.place[r[mixed]], c[mixed] - inner), v[mixed])
-    square = (rows >= inner) & (columns >= inner)
-    r, c, v = rows[square] - inner, columns[square] - inner, values[square]
-    np.add.at(corner, (r, c), v)
-    off = r != c
-    np.add.at(corner, (c[off], r[off]), v[off])
+def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
+    """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle."""
+    b = at.size
+    diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, b))
+    border, corner = np.zeros((at.count, b, at.border)), np.zeros((at.border, at.border))
+    mirrored = rows != columns
+    r, c = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
+    v = np.concatenate([values, values[mirrored]])
+    kr, kc, ir, ic = at.block[r], at.block[c], at.place[r], at.place[c]
+    inner = (kr >= 0) & (kc >= 0)
+    for target, where, indices in (
+        (diagonal, inner & (kr == kc), (kr, ir, ic)),
+        (lower, inner & (kr == kc + 1), (kc, ir, ic)),
+        (border, (kr >= 0) & (kc < 0), (kr, ir, ic)),
+        (corner, (kr < 0) & (kc < 0), (ir, ic)),
+    ):
+        flat = np.ravel_multi_index(tuple(i[where] for i in indices), target.shape)
+        target.ravel()[:] += np.bincount(flat, weights=v[where], minlength=target.size)
     return diagonal, lower, border, corner
 
 
-def _local_covariances(nlp: Nlp, where: Blocks, tree: BlockTridiagonal, X: Array, C: Array, blank: NDArray[np.bool_]) -> Array:
-    """Covariance of [l_i; p] of every interval, (N, local + np, local + np)."""
-    nx, local, free = nlp.interpolation.states, nlp.interpolation.local, C.shape[0]
+def _local_covariances(nlp: Nlp, at: Places, tree: BlockTridiagonal, X: Array, C: Array, idle: NDArray[np.bool_]) -> Array:
+    """Covariance of [l_i; p] of every interval, (N, local + np, local + np): l_i = own block, next block or border."""
+    nx, local, free = nlp.interpolation.states, nlp.interpolation.local, len(nlp.free)
     left = local - nx
     S, between = tree.inverse_blocks()
-    k = where.block[nlp.index[0]]
-    out = np.zeros((len(k), local + free, local + free))
-    out[:, :left, :left] = S[k, :left, :left]
-    out[:, left:local, left:local] = S[k + 1, :nx, :nx]
-    out[:, left:local, :left] = between[k, :nx, :left]
-    out[:, :left, left:local] = np.swapaxes(between[k, :nx, :left], 1, 2)
-    own = np.concatenate([X[k, :left], X[k + 1, :nx]], axis=1)
-    out[:, :local, :local] += own @ C @ np.swapaxes(own, 1, 2)
-    out[:, :local, local:] = -own @ C
-    out[:, local:, :local] = np.swapaxes(out[:, :local, local:], 1, 2)
-    out[:, local:, local:] = C
-    gone = np.concatenate([blank[k, :left], blank[k + 1, :nx], np.zeros((len(k), free), dtype=bool)], axis=1)
-    out[np.broadcast_to(gone[:, :, None], out.shape) | np.broadcast_to(gone[:, None, :], out.shape)] = 0.0
+    ends = at.block[nlp.index[left]] < 0
+    go_on = np.flatnonzero(~ends)
+    S[idle] = 0.0
+    np.swapaxes(S, 1, 2)[idle] = 0.0
+    own = np.zeros((at.count, local + free, at.border))
+    own[:, :left] = np.where(idle[:, :left, None], 0.0, X[:, :left])
+    own[go_on, left:local] = np.where(idle[go_on + 1, :nx, None], 0.0, X[go_on + 1, :nx])
+    where, order = np.nonzero(ends)[0], np.arange(nx)
+    own[where[:, None], left + order[None, :], at.place[at.last]] = -1.0
+    own[:, local + np.arange(free), at.last.size + np.arange(free)] = -1.0
+    out = own @ C @ np.swapaxes(own, 1, 2)
+    out[:, :left, :left] += S[:, :left, :left]
+    out[go_on, left:local, left:local] += S[go_on + 1, :nx, :nx]
+    crossed = np.where(idle[go_on + 1, :nx, None] | idle[go_on, None, :left], 0.0, between[go_on, :nx, :left])
+    out[go_on, left:local, :left] += crossed
+    out[go_on, :left, left:local] += np.swapaxes(crossed, 1, 2)
     return out

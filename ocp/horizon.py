@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .mesh import Mesh, quadrature
+from .mesh import Mesh, Quadrature, quadrature
 from .polynomials import Array, gauss, legendre
 
 
@@ -48,18 +49,74 @@ class Horizon:
         """The held input's least-squares polynomial of degree - 1 on every interval, at the places tau; shape (nu, N * len(tau)).
 
         A scheme that looks at the input in a few places only would miss what it does between them; its projection has the
-        same moments, hence the same effect on the motion.
+        same moments, hence the same effect on the motion at the knots.
         """
         points = quadrature(self.mesh, self.time, gauss(degree))
-        N = self.mesh.count
+        moments = self._input_moments(points, degree)
+        return (moments @ legendre(degree, tau)).reshape(moments.shape[0], self.mesh.count * len(tau))
+
+    def unresolved_impulse(self, degree: int) -> Array:
+        """Largest time integral, within every interval, of what the held input differs from its projection; (nu, N) [unit * s].
+
+        It is what the projection leaves out of the motion between two knots: zero for an input that is a polynomial of degree - 1 there.
+        """
+        first, _, owner, _ = self._unresolved(degree)
+        start = np.searchsorted(owner, np.arange(self.mesh.count))
+        return np.maximum.reduceat(np.abs(first), start, axis=1)
+
+    def unresolved_integrals(self, degree: int) -> tuple[Array, Array]:
+        """First and second time integral, since the last knot, of input minus projection, at the samples; each (nu, n)."""
+        first, second, _, ends = self._unresolved(degree)
+        cell = np.searchsorted(ends, self.time - 1e-9 * self.mesh.steps.min())
+        there = (cell < len(ends)) & (np.abs(ends[np.minimum(cell, len(ends) - 1)] - self.time) < 1e-9 * self.mesh.steps.min())
+        at_knot = np.isin(self.time, self.mesh.knots)
+        use = there & ~at_knot
+        cell = np.minimum(cell, len(ends) - 1)
+        return np.where(use, first[:, cell], 0.0), np.where(use, second[:, cell], 0.0)
+
+    def _unresolved(self, degree: int) -> tuple[Array, Array, NDArray[np.int64], Array]:
+        """Integrals since the last knot at the end of every quadrature cell, the cells' intervals and their ends."""
+        points = quadrature(self.mesh, self.time, gauss(degree))
+        moments = self._input_moments(points, degree)
+        projected = np.einsum("ink,kn->in", moments[:, points.interval], legendre(degree, points.tau))
+        rest = (self.input_at(points.time) - projected) * points.weight
+        width = points.weight.reshape(-1, degree).sum(axis=1)
+        owner = points.interval[::degree]
+        first_of = np.searchsorted(owner, np.arange(self.mesh.count))
+        ends = self.mesh.knots[owner] + np.cumsum(width) - np.concatenate([[0.0], np.cumsum(width)])[first_of][owner]
+
+        def since_knot(cells: Array) -> Array:
+            running = np.concatenate([np.zeros((cells.shape[0], 1)), np.cumsum(cells, axis=1)], axis=1)
+            return running[:, 1:] - running[:, first_of[owner]]
+
+        def sums(values: Array) -> Array:
+            return values.reshape(values.shape[0], -1, degree).sum(axis=2)
+
+        first = since_knot(sums(rest))
+        before = first - sums(rest)
+        second = since_knot(before * width + sums(rest * (np.repeat(ends, degree) - points.time)))
+        return first, second, owner, ends
+
+    def _input_moments(self, points: Quadrature, degree: int) -> Array:
+        """Coefficients of the input in the Legendre polynomials of every interval, (nu, N, degree)."""
         u = self.input_at(points.time) * points.weight
-        moments = np.empty((u.shape[0], N, degree))
+        moments = np.empty((u.shape[0], self.mesh.count, degree))
         for j, L in enumerate(legendre(degree, points.tau)):
             for i, row in enumerate(u):
-                moments[i, :, j] = np.bincount(points.interval, weights=row * L, minlength=N) / self.mesh.steps
-        return (moments @ legendre(degree, tau)).reshape(u.shape[0], N * len(tau))
+                moments[i, :, j] = np.bincount(points.interval, weights=row * L, minlength=self.mesh.count) / self.mesh.steps
+        return moments
 
     def point_data(self, degree: int, tau: Array) -> Array:
         """[u; t] at the places tau of every interval, the input projected; shape (nu + 1, N * len(tau))."""
         times = self.mesh.knots[:-1, None] + self.mesh.steps[:, None] * tau
         return np.vstack([self.projected_input(degree, tau), times.ravel()])
+
+    def split_at_steps(self, intervals: NDArray[np.bool_]) -> Horizon:
+        """A knot at the largest step of the input inside each of these intervals (N,), relative to each input's own range."""
+        size = np.ptp(self.inputs, axis=0)
+        jump = np.max(np.abs(np.diff(self.inputs, axis=0)) / np.where(size > 0, size, 1.0), axis=1, initial=0.0)
+        at, owner = self.time[1:], self.mesh.locate(self.time[1:])[0]
+        inside = (at > self.mesh.knots[owner] + 1e-9 * self.mesh.steps[owner]) & intervals[owner] & (jump > 0)
+        order = np.lexsort((-jump[inside], owner[inside]))
+        chosen = at[inside][order][np.unique(owner[inside][order], return_index=True)[1]]
+        return replace(self, mesh=Mesh(np.union1d(self.mesh.knots, chosen)))

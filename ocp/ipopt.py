@@ -77,7 +77,7 @@ class Solver:
     nlp: Nlp
     options: Options = Options()
 
-    def _make(self, max_iterations: int) -> Any:
+    def _make(self, max_iterations: int, *, settle: bool) -> Any:
         a = self.nlp.assembled
         program = ca.Function("program", [a.x, a.p], [a.f(a.x, a.p), a.g(a.x, a.p)], ["x", "p"], ["f", "g"])
         ipopt: dict[str, Any] = {
@@ -85,7 +85,7 @@ class Solver:
             "sb": "yes",
             "tol": self.options.tolerance,
             "acceptable_tol": 30 * self.options.tolerance,
-            "acceptable_iter": 3,
+            "acceptable_iter": 5 if settle else 0,
             "constr_viol_tol": 1e-8,
             "max_iter": max_iterations,
             # the program is scaled by its own units, and the starts are good: Ipopt's rescaling and large first barrier only cost steps
@@ -100,11 +100,11 @@ class Solver:
 
     @cached_property
     def _gauss_newton(self) -> Any:
-        return self._make(self.options.gauss_newton_iterations)
+        return self._make(self.options.gauss_newton_iterations, settle=False)
 
     @cached_property
     def _newton(self) -> Any:
-        return self._make(self.options.max_iterations)
+        return self._make(self.options.max_iterations, settle=True)
 
     def solve(
         self, start: Array, values: Values, *, lower: Array, upper: Array, newton: bool = True, progress: Callable[[str], None] | None = None

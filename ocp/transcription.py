@@ -23,7 +23,7 @@ from backsight.models import Dae
 from . import collocation, spline
 from .horizon import Horizon
 from .interpolation import Interpolation, local_index
-from .nlp import Nlp
+from .nlp import Nlp, Values
 from .pieces import Pieces
 from .polynomials import Array
 from .terms import Term
@@ -54,6 +54,13 @@ class Transcription:
     soft: tuple[int, ...]
     force_std: Array
     nlp: Nlp
+
+    def force_std_at(self, values: Values) -> Array:
+        """Standard deviations of the soft places' residual forces with other numbers in the program, (n_soft,)."""
+        for term, now in zip(self.nlp.terms, values.scale, strict=True):
+            if term.name in ("balances", "residual forces"):
+                return np.asarray(self.force_std * term.scale[:, 0] / now[:, 0], dtype=np.float64)
+        return self.force_std
 
     @property
     def starts(self) -> NDArray[np.int64]:

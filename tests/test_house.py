@@ -126,6 +126,15 @@ def test_public_names_exist_and_every_module_says_what_it_is(layer):
             assert not missing, f"{name}.__all__ names {missing}"
 
 
+def test_the_names_of_estimation_are_the_ones_it_loads_late():
+    import backsight.estimation as estimation
+
+    late = [name for names in estimation._HOME.values() for name in names]
+    assert sorted(late) == sorted(estimation.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'smoooth'"):
+        estimation.smoooth  # noqa: B018
+
+
 def test_a_class_has_one_identity_however_it_is_reached():
     from backsight.models import Dae
     from backsight.models.dae import Dae as same

@@ -118,7 +118,7 @@ The recorded F is the force that acted.
 
 | file | rows | excitation |
 |---|---|---|
-| `axis_fit.csv.gz` | {SAMPLES} | twenty strokes forth and back at 0.02 to 0.40 m/s, 1.2 to 2.8 m/s^2, short rests, the last one 0.4 s |
+| `axis_fit.csv.gz` | {SAMPLES} | twenty strokes forth and back at 0.02 to 0.40 m/s, 1.2 to 2.8 m/s^2, no long rests |
 | `axis_held_out.csv.gz` | {SAMPLES} | four sines, 0.31 to 2.29 Hz, faded in |
 
 ## Origin

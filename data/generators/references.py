@@ -10,17 +10,16 @@ Reference = tuple[np.ndarray, np.ndarray]
 def strokes(time: np.ndarray, rng: np.random.Generator) -> Reference:
     """Pairs of strokes, forth and back, with bang-bang acceleration; the speeds of the pairs come in random order.
 
-    A pair of strokes at speed V [m/s] takes twice 0.27 s plus the acceleration; some pairs end in a rest, where the axis sticks.
+    A stroke runs 0.31 s at its speed, so that ten pairs fill ten seconds. There are no long rests: an axis that sticks says nothing
+    about its parameters.
     """
     speeds = rng.permutation([0.02, 0.04, 0.08, 0.12, 0.18, 0.25, 0.33, 0.40, 0.06, 0.30])
     accelerations = rng.permutation([1.2, 1.6, 2.0, 2.4, 2.8, 1.4, 1.8, 2.2, 2.6, 2.0])
-    rests = rng.permutation([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.06, 0.10, 0.14])
-    corners = [(0.0, 0.0), (0.05, 0.0)]  # (time, velocity): the velocity is linear between them
-    for speed, acceleration, rest in zip(speeds, accelerations, rests, strict=True):
+    corners = [(0.0, 0.0), (0.01, 0.0)]  # (time, velocity): the velocity is linear between them
+    for speed, acceleration in zip(speeds, accelerations, strict=True):
         for sign in (1.0, -1.0):
             t, ramp = corners[-1][0], speed / acceleration
-            corners += [(t + ramp, sign * speed), (t + ramp + 0.27, sign * speed), (t + 2 * ramp + 0.27, 0.0)]
-        corners.append((corners[-1][0] + rest, 0.0))
+            corners += [(t + ramp, sign * speed), (t + ramp + 0.31, sign * speed), (t + 2 * ramp + 0.31, 0.0)]
     t, v = np.array(corners).T
     velocity = np.interp(time, t, v)
     # The trapezium of a piecewise linear velocity is exact but for the few samples that contain a corner.

@@ -1,19 +1,25 @@
 """The answer in words: the parameters, how well the model fits, and what is odd. Every sentence is HTML, all names escaped."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..recording import Recording
 from .decimation import spread
 from .evidence import Columns, autocorrelation, companion, own_states
-from .parts import EstimateLike, SmoothingLike
 from .quantities import count, number, percent, pretty, quantity, uncertain
+
+if TYPE_CHECKING:
+    from ..recording import Recording
+    from ..results import ParameterEstimate, Smoothing
 
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
 NAMED = 6  # parameters named in the sentence; the table has them all
+MEMORY = 0.1  # autocorrelation of the errors from which on it is worth a word
 ROWS = 20_000  # enough for a correlation
 
 
@@ -25,14 +31,14 @@ def joined(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
-def with_uncertainty(parameter: EstimateLike) -> str:
+def with_uncertainty(parameter: ParameterEstimate) -> str:
     """95.011 ± 0.027 kg."""
     value, std = uncertain(parameter.value, parameter.std)
     unit = escape(pretty(parameter.unit))
     return f"{value} ± {std} {unit}".rstrip() if parameter.std is not None and np.isfinite(parameter.std) else f"{value} {unit}".rstrip()
 
 
-def answer(result: SmoothingLike, recordings: Sequence[Recording]) -> str:
+def answer(result: Smoothing, recordings: Sequence[Recording]) -> str:
     """One paragraph: what was estimated from what, how close the model comes, how much force it leaves unexplained."""
     used = [r for r in recordings if r.name in result.estimates] or list(recordings)
     seconds, samples = sum(r.time[-1] - r.time[0] for r in used), sum(r.time.size for r in used)
@@ -47,21 +53,38 @@ def answer(result: SmoothingLike, recordings: Sequence[Recording]) -> str:
         said.append("with all parameters fixed estimates its states and the forces it does not explain.")
     if not result.solver.converged:
         said.insert(0, "<b>The solver did not converge: the numbers are those where it stopped.</b> ")
-    met = []
-    for name, fits in result.fit.items():
-        where = f" on {code(name)}" if len(result.fit) > 1 else ""
-        for output, fit in fits.items():
-            rms = escape(quantity(fit.rms, result.units.get(output, "")))
-            met.append(f"{code(output)} is met to {rms} rms{where} (fit {percent(fit.fit_percent)})")
-    if met:
-        said.append(f" {joined(met[:NAMED])}.")
+    said.append(_met(result))
+    rests = []
     for place, summary in result.residual_places.items():
         rms = escape(quantity(summary.rms, summary.unit))
-        said.append(f" Unexplained at {code(place)}: {rms} rms{_share(summary.rms, summary.unit, result, used)}.")
+        rests.append(f"{rms} rms at {code(place)}{_share(summary.rms, summary.unit, result, used)}")
+    if rests:
+        said.append(f" Unexplained: {joined(rests[:NAMED])}{' and more' if len(rests) > NAMED else ''}.")
     return "".join(said)
 
 
-def _share(rms: float, unit: str, result: SmoothingLike, recordings: Sequence[Recording]) -> str:
+def _met(result: Smoothing) -> str:
+    """How closely the outputs are met: each by name, or the range of their fits where they are many."""
+    fits = [(name, output, fit) for name, outputs in result.fit.items() for output, fit in outputs.items()]
+    if not fits:
+        return ""
+    if len(fits) > 3:
+        known = sorted(
+            (f.fit_percent, name, output) for name, output, f in fits if f.fit_percent is not None and np.isfinite(f.fit_percent)
+        )
+        if not known:
+            return ""
+        (worst, name, output), best = known[0], known[-1][0]
+        return f" {len(fits)} outputs are met with a fit of {percent(worst)} ({code(output)} on {code(name)}) to {percent(best)}."
+    met = []
+    for name, output, fit in fits:
+        where = f" on {code(name)}" if len(result.fit) > 1 else ""
+        rms = escape(quantity(fit.rms, result.units.get(output, "")))
+        met.append(f"{code(output)} is met to {rms} rms{where} (fit {percent(fit.fit_percent)})")
+    return f" {joined(met)}."
+
+
+def _share(rms: float, unit: str, result: Smoothing, recordings: Sequence[Recording]) -> str:
     """How much that is of the one input in the same unit; nothing where there is none, or more than one."""
     alike = [n for n in recordings[0].inputs if unit and result.units.get(f"input.{n}", result.units.get(n)) == unit] if recordings else []
     if len(alike) != 1:
@@ -73,13 +96,13 @@ def _share(rms: float, unit: str, result: SmoothingLike, recordings: Sequence[Re
     return f", {number(100 * rms / size, 2)} % of the input {code(alike[0])} ({escape(quantity(size, unit))} rms)"
 
 
-def noise_std(result: SmoothingLike, output: str, recording: Recording | None) -> float | None:
+def noise_std(result: Smoothing, output: str, recording: Recording | None) -> float | None:
     """The standard deviation an output was weighed with; the recording's own where the weights do not name it."""
     given = recording.output_std.get(output) if recording is not None else None
     return result.weights.V.get(output, given)
 
 
-def oddities(result: SmoothingLike, recordings: Sequence[Recording]) -> list[str]:
+def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
     """What a careful reader would stumble over, one sentence each; empty if nothing is odd."""
     found = [] if result.solver.converged else [f"The solver stopped early: {escape(result.solver.status)}"]
     for p in result.parameters.values():
@@ -127,14 +150,15 @@ def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None) -> 
     lags = min(60, seen.size // 4)
     r = autocorrelation(error, lags)[1:]
     k = int(np.nanargmax(np.abs(r))) if np.isfinite(r).any() else 0
-    if np.isfinite(r).any() and abs(r[k]) > max(0.1, 4 / np.sqrt(seen.size)):
+    if np.isfinite(r).any() and abs(r[k]) > max(MEMORY, 4 / np.sqrt(seen.size)):
         found.append(
             f"The errors of {which} are not white: their autocorrelation reaches {number(float(r[k]), 2)} at a lag of {k + 1} samples."
         )
     spread_ = 1.4826 * float(np.median(np.abs(seen - np.median(seen))))
     outliers = int((np.abs(error - np.median(seen)) > 6 * spread_).sum()) if spread_ > 0 else 0
     if outliers:
-        found.append(f"{outliers} sample{'s' if outliers > 1 else ''} of {which} lie more than six robust standard deviations off.")
+        lie = "samples of {} lie" if outliers > 1 else "sample of {} lies"
+        found.append(f"{outliers} {lie.format(which)} more than six robust standard deviations off.")
     return found
 
 
@@ -153,10 +177,10 @@ def whiteness_sentence(p: float | None, autocorrelations: Mapping[int, float] | 
     if p is None or not np.isfinite(p):
         return "not tested"
     if p >= 0.05:
-        said = "cannot be told from white noise"
-    elif p >= 0.01:
-        said = "weak signs of structure"
-    else:
-        said = "structure is left in the errors"
+        return "cannot be told from white noise"
     largest = max(autocorrelations.items(), key=lambda item: abs(item[1])) if autocorrelations else None
-    return said + (f", largest autocorrelation {number(largest[1], 2)} at lag {largest[0]}" if largest is not None and p < 0.05 else "")
+    if largest is None:
+        return "weak signs of structure" if p >= 0.01 else "structure is left in the errors"
+    # Of many samples even a correlation that matters to nobody is significant.
+    said = "structure is left in the errors" if p < 0.01 and abs(largest[1]) > MEMORY else "weak signs of structure"
+    return f"{said}, largest autocorrelation {number(largest[1], 2)} at lag {largest[0]}"

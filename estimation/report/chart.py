@@ -30,7 +30,7 @@ Trace = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Values against x (SI). `band`: half width of a shaded 95 % band; `look`: line, wide, step, dots, bars or dashed."""
+    """Values against x (SI). `band`: half width of a shaded 95 % band; `look`: line, wide, thin, step, dots, bars or dashed."""
 
     name: str
     x: np.ndarray
@@ -106,7 +106,7 @@ def columns(panels: Sequence[Panel], *, caption: str, label: str) -> Chart:
         suffix = str(k) if k > 1 else ""
         x_factor, x_title = _axis(panel.x, panel.x_unit, [c.x for c in panel.curves])
         left, right = (k - 1) * share + (gap / 2 if k > 1 else 0.0), k * share - (gap / 2 if k < len(panels) else 0.0)
-        layout[f"xaxis{suffix}"] = {"title": _title(x_title), "domain": [left, right], "anchor": "y", **_AXIS}
+        layout[f"xaxis{suffix}"] = {"title": _title(x_title), "domain": [left, right], "anchor": "y", **_AXIS, "nticks": 6, "tickangle": 0}
         for curve in panel.curves:
             data += _traces(curve, x_factor, y_factor, f"x{suffix}", "y", show=curve.legend and curve.name not in named)
             named.add(curve.name)
@@ -155,13 +155,18 @@ def _axis(name: str, unit: str, values: Sequence[np.ndarray]) -> tuple[float, st
 
 
 def _limits(panel: Panel) -> tuple[float, float] | None:
-    """The vertical range of a panel with a band: curves and band, but for the widest 2 % of it (an unknown velocity at the very start)."""
+    """The vertical range of a panel with a band: the curves, and the band unless it would make them small.
+
+    Left out are the widest 2 % of the band (an unknown velocity at the very start) and what is wider than the curve is high.
+    """
     if all(c.band is None for c in panel.curves):
         return None
     ends = []
     for c in panel.curves:
         half = c.band if c.band is not None and np.isfinite(c.band).any() else np.zeros_like(c.y)
-        half = np.minimum(np.where(np.isfinite(half), half, 0.0), np.nanquantile(half, 0.98))
+        height = float(np.nanmax(c.y) - np.nanmin(c.y)) if np.isfinite(c.y).any() else 0.0
+        largest = float(np.nanquantile(half, 0.98))
+        half = np.minimum(np.where(np.isfinite(half), half, 0.0), min(largest, height) if height > 0 else largest)
         if np.isfinite(c.y).any():
             ends += [float(np.nanmin(c.y - half)), float(np.nanmax(c.y + half))]
     if not ends or not max(ends) > min(ends):
@@ -179,6 +184,7 @@ def _traces(curve: Curve, x_factor: float, y_factor: float, x_axis: str, y_axis:
     looks: dict[str, Trace] = {
         "line": {"mode": "lines", "line": line},
         "wide": {"mode": "lines", "line": {"color": curve.colour, "width": 4.5}, "opacity": 0.55},
+        "thin": {"mode": "lines", "line": {"color": curve.colour, "width": 1}, "opacity": 0.8},
         "step": {"mode": "lines", "line": {**line, "shape": "hv"}},
         "dashed": {"mode": "lines", "line": {"color": curve.colour, "width": 1.2, "dash": "dash"}, "hoverinfo": "skip"},
         "dots": {"mode": "markers", "marker": {"color": curve.colour, "size": 3.5, "opacity": 0.5, "line": {"width": 0}}},

@@ -41,7 +41,7 @@ def output_chart(
     time = frame["t_s"].to_numpy(float)
     error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
     missing = int(np.isnan(error).sum())
-    look = "dots" if time.size <= DOTS else "wide"
+    look = "dots" if time.size <= DOTS else _look(frame[f"{output}.measured"].to_numpy(float), error)
     rows = envelope(error, points)
     upper = [
         _curve(frame, "measured", f"{output}.measured", COLOURS["measured"], points, look, band=False),
@@ -58,6 +58,15 @@ def output_chart(
     caption += f". {missing} samples are missing." if missing else "."
     panels = [Panel(curves=upper, y=output, y_unit=unit, height=270), Panel(curves=lower, y="error", y_unit=unit, height=150)]
     return stack(panels, caption=caption, label=output, group=group)
+
+
+def _look(measured: np.ndarray, error: np.ndarray) -> str:
+    """A broad line shows behind a curve that it agrees with; noise that can be seen (from sample to sample) is drawn as it is."""
+    steps = np.diff(error)
+    steps = steps[np.isfinite(steps)]
+    if not steps.size:
+        return "wide"
+    return "wide" if np.sqrt(np.mean(steps**2) / 2) < 0.005 * np.ptp(measured[np.isfinite(measured)]) else "thin"
 
 
 def state_chart(frame: pd.DataFrame, states: Sequence[str], units: Mapping[str, str], *, points: int, group: str, model: str) -> Chart:
@@ -90,18 +99,21 @@ def residual_chart(frame: pd.DataFrame, place: str, unit: str, *, points: int, g
     """The force that the model does not explain at one place, over time."""
     curve = _curve(frame, f"residual at {place}", f"residual.{place}", COLOURS["residual"], points)
     rms = float(np.sqrt(np.nanmean(frame[f"residual.{place}"].to_numpy(float) ** 2)))
-    caption = f"Residual at {place}: what would have to act there beside the model's own forces, {quantity(rms, unit)} rms."
+    caption = f"Residual at {place}: what would have to act there beside the model's own forces, {quantity(rms, unit)} rms"
+    caption += f"; its 95 % band is ±{quantity(float(np.nanmedian(curve.band)), unit)}." if curve.band is not None else "."
     return stack([Panel(curves=[curve], y=f"residual {place}", y_unit=unit, height=210)], caption=caption, label=place, group=group)
 
 
-def residual_scatter(frame: pd.DataFrame, place: str, unit: str, states: tuple[str, ...], units: Mapping[str, str]) -> Chart | None:
+def residual_scatter(
+    frame: pd.DataFrame, place: str, unit: str, states: tuple[str, ...], units: Mapping[str, str], *, points: int = DOTS
+) -> Chart | None:
     """The residual of a place against the velocity and the position there, with the mean in 25 bins; None without any such state."""
     chosen, own = own_states(place, unit, states, units)
     chosen = chosen[:4]
     if not chosen:
         return None
     w = frame[f"residual.{place}"].to_numpy(float)
-    rows = spread(w.size, DOTS)
+    rows = spread(w.size, min(points, DOTS))
     panels = []
     for state in chosen:
         q = frame[state].to_numpy(float)
@@ -114,7 +126,7 @@ def residual_scatter(frame: pd.DataFrame, place: str, unit: str, states: tuple[s
     caption = f"Residual at {place} against {whose}."
     caption += " A step at zero speed is dry friction, a slope viscous friction, a slope over position a spring."
     if w.size > rows.size:
-        caption += f" Every {round(w.size / rows.size)}th sample is drawn; the means are taken over all."
+        caption += f" One sample in {round(w.size / rows.size)} is drawn; the means are taken over all."
     return columns(panels, caption=caption, label=f"{place}_states")
 
 

@@ -1,24 +1,29 @@
 """The report of a smoothing: the answer in words, then tables and charts that let the reader check it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..recording import Recording
 from .answer import answer, code, noise_std, oddities
 from .document import document, drawn, points_per_curve, save
 from .evidence import Columns
 from .figures import input_chart, output_chart, residual_chart, residual_scatter, state_chart, whiteness_chart
-from .parts import SmoothingLike
 from .quantities import count, quantity
 from .tables import facts, fit_table, parameter_table, weight_table
+
+if TYPE_CHECKING:
+    from ..recording import Recording
+    from ..results import Smoothing
 
 __all__ = ["write_report"]
 
 
-def write_report(result: SmoothingLike, path: str | Path, *, recordings: Sequence[Recording]) -> None:
+def write_report(result: Smoothing, path: str | Path, *, recordings: Sequence[Recording]) -> None:
     """Write the report of `result` to `path`: one HTML file that opens without a network.
 
     recordings: those the result was made from, in any order; they give the page the kind of hold and the stated noise. Long ones are
@@ -49,10 +54,10 @@ def write_report(result: SmoothingLike, path: str | Path, *, recordings: Sequenc
     save(page, path)
 
 
-def _curves(result: SmoothingLike, name: str) -> int:
-    """Curves of one recording, a band counting as two."""
+def _curves(result: Smoothing, name: str) -> int:
+    """Curves of one recording, a band counting as two, and the clouds of dots beside each residual."""
     kinds = Columns.of(result.estimates[name])
-    return 5 * len(kinds.outputs) + 3 * len(kinds.states) + 3 * len(kinds.residuals) + len(result.inputs.get(name, {}))
+    return 5 * len(kinds.outputs) + 3 * len(kinds.states) + 6 * len(kinds.residuals) + len(result.inputs.get(name, {}))
 
 
 def _odd(sentences: Sequence[str], unused: Sequence[str]) -> str:
@@ -64,7 +69,7 @@ def _odd(sentences: Sequence[str], unused: Sequence[str]) -> str:
     return f"<div class=odd><b>Worth a look</b><ul>{items}</ul></div>{aside}"
 
 
-def _outputs(result: SmoothingLike, name: str, kinds: Columns, recording: Recording | None, points: int, k: int) -> str:
+def _outputs(result: Smoothing, name: str, kinds: Columns, recording: Recording | None, points: int, k: int) -> str:
     frame = result.estimates[name]
     charts = [
         output_chart(frame, o, result.units.get(o, ""), noise_std(result, o, recording), points=points, group=f"time-{k}")
@@ -73,7 +78,7 @@ def _outputs(result: SmoothingLike, name: str, kinds: Columns, recording: Record
     return "".join(drawn(c) for c in charts) + drawn(whiteness_chart(frame, kinds.outputs, label=f"autocorrelation_{k}"))
 
 
-def _residuals(result: SmoothingLike, name: str, kinds: Columns, points: int, k: int) -> str:
+def _residuals(result: Smoothing, name: str, kinds: Columns, points: int, k: int) -> str:
     parts, frame = [], result.estimates[name]
     for column in kinds.residuals:
         place = column.removeprefix("residual.")
@@ -82,11 +87,11 @@ def _residuals(result: SmoothingLike, name: str, kinds: Columns, points: int, k:
         summary = result.residual_places.get(place)
         unit = summary.unit if summary is not None else result.units.get(column, "")
         parts.append(f"<h3>{code(place)}</h3>{drawn(residual_chart(frame, place, unit, points=points, group=f'time-{k}'))}")
-        parts.append(drawn(residual_scatter(frame, place, unit, kinds.states, result.units)))
+        parts.append(drawn(residual_scatter(frame, place, unit, kinds.states, result.units, points=points)))
     return "".join(parts)
 
 
-def _states(result: SmoothingLike, name: str, kinds: Columns, recording: Recording | None, points: int, k: int) -> str:
+def _states(result: Smoothing, name: str, kinds: Columns, recording: Recording | None, points: int, k: int) -> str:
     frame, inputs = result.estimates[name], result.inputs.get(name, {})
     charts = []
     if kinds.states:
@@ -97,12 +102,12 @@ def _states(result: SmoothingLike, name: str, kinds: Columns, recording: Recordi
     return "".join(drawn(c) for c in charts)
 
 
-def _weights(result: SmoothingLike) -> str:
+def _weights(result: Smoothing) -> str:
     notes = "".join(f"<li>{escape(note)}</li>" for note in result.notes)
     return weight_table(result) + (f"<ul class=notes>{notes}</ul>" if notes else "")
 
 
-def _solver(result: SmoothingLike, points: int, longest: int) -> str:
+def _solver(result: Smoothing, points: int, longest: int) -> str:
     s = result.solver
     pairs = [
         ("status", s.status),

@@ -1,19 +1,24 @@
 """The page of a simulation: the recording beside what the model makes of its inputs."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from ..recording import Recording
 from .answer import code, joined
 from .document import document, drawn, points_per_curve, save
-from .evidence import Columns, autocorrelation
-from .figures import input_chart, output_chart, state_chart, whiteness_chart
+from .evidence import Columns
+from .figures import input_chart, output_chart, state_chart
 from .quantities import number, percent, pretty, quantity
 from .tables import table
+
+if TYPE_CHECKING:
+    from ..recording import Recording
 
 __all__ = ["write_simulation_report"]
 
@@ -68,7 +73,7 @@ def _thinned(shown: Sequence[tuple[Recording, pd.DataFrame]], points: int) -> bo
 
 
 def _fit(frame: pd.DataFrame, output: str) -> tuple[float, float, float]:
-    """Rms error, fit 100 (1 - |e| / |y - mean y|) [%], and the error's autocorrelation at one sample."""
+    """Rms error, fit 100 (1 - |e| / |y - mean y|) [%], and the largest error."""
     y = frame[f"{output}.measured"].to_numpy(float)
     error = y - frame[output].to_numpy(float)
     seen = np.isfinite(error)
@@ -76,12 +81,15 @@ def _fit(frame: pd.DataFrame, output: str) -> tuple[float, float, float]:
         return float("nan"), float("nan"), float("nan")
     size = float(np.linalg.norm(y[seen] - y[seen].mean()))
     fit = 100 * (1 - float(np.linalg.norm(error[seen])) / size) if size > 0 else float("nan")
-    return float(np.sqrt(np.mean(error[seen] ** 2))), fit, float(autocorrelation(error, 1)[1]) if seen.sum() > 2 else float("nan")
+    return float(np.sqrt(np.mean(error[seen] ** 2))), fit, float(np.abs(error[seen]).max())
 
 
 def _fit_table(fits: Sequence[tuple[str, str, float, float, float]], units: Mapping[str, str]) -> str:
-    rows = [[name, output, quantity(rms, units.get(output, "")), percent(fit), number(r, 2)] for name, output, rms, fit, r in fits]
-    head = ["recording", "output", "rms error", "fit", "autocorrelation at one sample"]
+    rows = [
+        [name, output, quantity(rms, units.get(output, "")), quantity(top, units.get(output, "")), percent(fit)]
+        for name, output, rms, fit, top in fits
+    ]
+    head = ["recording", "output", "rms error", "largest error", "fit"]
     return table(head, rows, words=(0, 1), codes=(0, 1)) if rows else ""
 
 
@@ -104,7 +112,7 @@ def _sections(
         output_chart(frame, o, units.get(o, ""), recording.output_std.get(o), points=points, group=group, model="simulated")
         for o in kinds.outputs
     ]
-    body = "".join(drawn(c) for c in outputs) + drawn(whiteness_chart(frame, kinds.outputs, label=f"autocorrelation_{n}"))
+    body = "".join(drawn(c) for c in outputs)
     others = [state_chart(frame, kinds.states, units, points=points, group=group, model="simulated")] if kinds.states else []
     if recording.inputs:
         others.append(input_chart(recording.time, recording.inputs, units, points=points, group=group, hold=recording.hold))

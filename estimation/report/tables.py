@@ -1,14 +1,19 @@
 """The tables of a report as HTML: parameters, fit, weights, facts. Every cell is escaped here."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .answer import whiteness_sentence
 from .evidence import autocorrelation
-from .parts import FitLike, SmoothingLike
 from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
+
+if TYPE_CHECKING:
+    from ..results import OutputFit, Smoothing
 
 __all__ = ["facts", "fit_table", "parameter_table", "table", "weight_table"]
 
@@ -25,22 +30,21 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: Sequence
     return f"<div class=wide><table><thead><tr>{header}</tr></thead>\n<tbody>{body}</tbody></table></div>"
 
 
-def parameter_table(result: SmoothingLike) -> str:
-    """Name, value, std, relative std, unit, guess (where a result knows it), estimated or fixed, identifiable."""
-    guesses = {name: getattr(p, "guess", None) for name, p in result.parameters.items()}
-    guessed = any(g is not None for g in guesses.values())
+def parameter_table(result: Smoothing) -> str:
+    """Name, value, std, relative std, unit, guess if there was one, estimated or fixed, identifiable."""
+    guessed = any(p.guess is not None for p in result.parameters.values())
     head = ["parameter", "value", "std", "unit", "std / value", *(["guess"] if guessed else []), "role", "identifiable"]
     rows = []
     for name, p in sorted(result.parameters.items(), key=lambda item: item[1].fixed):
         value, std = uncertain(p.value, p.std)
         share = number(100 * p.std / abs(p.value), 2) + " %" if p.std is not None and np.isfinite(p.std) and p.value else NOTHING
         known = NOTHING if p.fixed or p.identifiable is None else "yes" if p.identifiable else "no"
-        guess = [number(guesses[name], 6)] if guessed else []
+        guess = [number(p.guess, 6)] if guessed else []
         rows.append([name, value, NOTHING if p.fixed else std, pretty(p.unit), share, *guess, "fixed" if p.fixed else "estimated", known])
     return table(head, rows, words=(0, 3, len(head) - 2, len(head) - 1))
 
 
-def fit_table(fit: Mapping[str, Mapping[str, FitLike]], result: SmoothingLike) -> str:
+def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> str:
     """Recording, output, rms error, fit, whiteness p with a sentence."""
     rows = []
     for name, outputs in fit.items():
@@ -58,7 +62,7 @@ def fit_table(fit: Mapping[str, Mapping[str, FitLike]], result: SmoothingLike) -
     return table(head, rows, words=(0, 1, 5), codes=(0, 1))
 
 
-def weight_table(result: SmoothingLike) -> str:
+def weight_table(result: Smoothing) -> str:
     """The standard deviations in force: of every residual force (a density, with its correlation time if it has one) and every output."""
     rows = []
     for place, std in result.weights.W.items():

@@ -105,21 +105,21 @@ def test_the_recorded_reading_is_the_position_with_noise_of_one_micrometre(fit: 
     assert np.abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.03
 
 
-def test_the_record_reverses_often_at_several_speeds_and_rests(fit: axis.Run) -> None:
+def test_the_record_reverses_often_at_several_speeds_and_hardly_rests(fit: axis.Run) -> None:
     moving = fit.velocity[fit.velocity != 0]
     assert (np.diff(np.sign(moving)) != 0).sum() >= 19
     assert all(np.any(np.abs(np.abs(fit.velocity) - speed) < 0.1 * speed) for speed in (0.02, 0.06, 0.12, 0.25, 0.40))
-    assert (fit.velocity == 0).sum() > 50
+    assert 0 < (fit.velocity == 0).sum() < 100
     assert np.abs(fit.force).max() <= axis.SERVO.limit
 
 
 @pytest.mark.parametrize("name", ["axis_fit.csv.gz", "axis_held_out.csv.gz"])
 def test_a_least_squares_on_the_bundled_file_finds_all_four_values_within_one_percent(name: str) -> None:
-    """Smoothed derivatives, reversals left out, impulses over 50 ms: the classical method, with none of the generator's code."""
+    """Smoothed derivatives, reversals left out, impulses over 25 ms: the classical method, with none of the generator's code."""
     table = pd.read_csv(backsight.data.path(name))
-    x, force, h, block = table["x_m"].to_numpy(), table["F_N"].to_numpy(), 1e-3, 50
-    # 15 ms windows keep the corners of the bang-bang motion sharp; the impulse form does without the acceleration.
-    v = savgol_filter(x, 15, 2, deriv=1, delta=h)
+    x, force, h, block = table["x_m"].to_numpy(), table["F_N"].to_numpy(), 1e-3, 25
+    # 7 ms windows keep the corners of the bang-bang motion sharp; the impulse form does without the acceleration.
+    v = savgol_filter(x, 7, 2, deriv=1, delta=h)
     # F acts from its row to the next one: the sums below run over whole holding intervals.
     rows = np.arange(block, len(x) - 2 * block, block)
     one_way = np.array([abs(np.sign(v[i - 5 : i + block + 5]).sum()) == block + 10 and np.abs(v[i : i + block]).min() > 2e-3 for i in rows])

@@ -105,7 +105,13 @@ def test_weights_are_standard_deviations_or_their_inverse_squares(folder):
 def test_initial_values_and_the_horizon_are_read(folder):
     own = study(folder, STUDY + '\n[initial]\n"carriage.v" = 0.5\n\n[horizon]\nsamples = 50\n')
     assert own.problem().initial == {"carriage.v": 0.5}
-    assert own.file.horizon.samples == 50
+    assert own.horizon() == 50
+    assert study(folder).horizon() is None
+
+
+def test_a_horizon_longer_than_the_recording_is_refused(folder):
+    with pytest.raises(InputError, match=r"study\.toml, line 17: horizon, samples = 4000 is longer than record\.csv with 400 rows"):
+        study(folder, STUDY + "\n[horizon]\nsamples = 4000\n").horizon()
 
 
 def test_units_delays_and_ranges_reach_the_recording(folder):

@@ -1,0 +1,72 @@
+"""The mesh of a smoothing run: fine enough for the smoother's own bandwidth and for the steps of the input, and no finer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backsight.ocp import Horizon
+from backsight.ocp.linear import fastest_rate, left_out_of_outputs, linearise
+from backsight.ocp.follow import Followed
+
+from .horizons import make_horizon, sample_density, sampling_interval
+from .problem import Problem
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+RESOLUTION = 0.5  # mesh step times the fastest mode of the smoother
+LONGEST = 5.0  # mesh step over the sampling interval, at most
+FINEST = 0.25  # and at least
+STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
+LOOKED_AT = 40  # places of a recording where the model is linearised
+RIGID = 1.05  # smoother's fastest mode over the plant's own below which the residual forces hardly act
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meshed:
+    """Horizons on their meshes; rigid: whether the weights W leave the residual forces hardly any room."""
+
+    horizons: list[Horizon]
+    rigid: bool
+
+
+def longest_step(problem: Problem) -> float:
+    """The coarsest mesh step allowed for these recordings [s]."""
+    return LONGEST * min(sampling_interval(r) for r in problem.fitted)
+
+
+def mesh(
+    problem: Problem, followed: Followed, stds: list[dict[str, float]], force_std: dict[int, float], parameters: Array, degree: int, step: float | None
+) -> Meshed:
+    """Meshes for all fitted recordings.
+
+    A given step [s] is taken as it is. Else: step * (fastest mode of the smoother) <= RESOLUTION at the given weights; knots where the
+    input steps, as far as an output could notice.
+    """
+    soft = sorted(force_std)
+    std = np.array([force_std[k] for k in soft])
+    horizons, rigid = [], bool(soft)
+    for number, (recording, table) in enumerate(zip(problem.fitted, stds, strict=True)):
+        horizon = followed.horizons[number]
+        times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+        dx, x, z = followed.at(number, times)
+        places = linearise(problem.dae, dx, x, z, horizon.input_at(times), times, parameters, soft)
+        density = sample_density(problem.dae, recording, table)
+        rate, plant = (fastest_rate(places, s, density) for s in (std, 0.0 * std))
+        dt = sampling_interval(recording)
+        rigid_here = rate < RIGID * plant
+        longest = 1.0 if rigid_here else LONGEST
+        own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
+        made = make_horizon(problem.dae, recording, table, problem.initial, step or own)
+        noise = np.array([table.get(q.name, np.inf) for q in problem.dae.outputs])
+        for _ in range(int(LONGEST)) if step is None and recording.hold == "zero" else ():
+            moved = left_out_of_outputs(places, made.unresolved_impulse(degree), made.mesh.steps) / noise[:, None]
+            noticed = np.max(moved, axis=0, initial=0.0) > STEPS_UNSEEN
+            split = made.split_at_steps(noticed)
+            if split.mesh.count == made.mesh.count:
+                break
+            made = split
+        horizons.append(made)
+        rigid &= rigid_here
+    return Meshed(horizons=horizons, rigid=rigid)

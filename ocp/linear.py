@@ -1,0 +1,115 @@
+"""The model linearised along a trajectory, and what follows from that: how fine a mesh must be, and what moves between its knots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from backsight.models import Dae
+
+from .mesh import Mesh
+from .polynomials import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linear:
+    """x' = A x + B u + G w, y = C x + ... at M places; w are the soft places' residual forces.
+
+    A (M, nx, nx), B (M, nx, nu), G (M, nx, n_soft), C (M, ny, nx). Zero where the model does not determine x'.
+    """
+
+    A: Array
+    B: Array
+    G: Array
+    C: Array
+
+
+def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, parameters: Array, soft: Sequence[int]) -> Linear:
+    """The model linearised at M places: dx, x (nx, M), z (nz, M), u (nu, M), t (M,); parameters (np_all,)."""
+    unknown = ca.vertcat(dae.dx, dae.z)
+    parts = [ca.jacobian(dae.residual, unknown), ca.jacobian(dae.residual, dae.x), ca.jacobian(dae.residual, dae.u)]
+    parts += [ca.jacobian(dae.residual, dae.w)[:, list(soft)], ca.jacobian(dae.output, dae.x), ca.jacobian(dae.output, unknown)]
+    nothing = ca.SX.zeros(dae.w.shape[0])
+    function = ca.Function("linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(ca.substitute(e, dae.w, nothing)) for e in parts])
+    count, nx, nu = x.shape[1], dae.x.shape[0], dae.u.shape[0]
+    values = function.map(count)(dx, x, z, u, np.repeat(parameters[:, None], count, axis=1), t[None, :])
+    E, F_x, F_u, F_w, H_x, H_e = (_stacked(np.asarray(v), e.shape[0], e.shape[1], count) for v, e in zip(values, parts, strict=True))
+    right = np.concatenate([F_x, F_u, F_w], axis=2)
+    slopes = np.zeros_like(right)
+    usable = np.flatnonzero(np.abs(np.linalg.det(E)) > 0)
+    slopes[usable] = -np.linalg.solve(E[usable], right[usable])
+    slopes[~np.isfinite(slopes)] = 0.0
+    A, B, G = np.split(slopes, [nx, nx + nu], axis=2)
+    return Linear(A=A[:, :nx], B=B[:, :nx], G=G[:, :nx], C=H_x + H_e @ A)
+
+
+def fastest_rate(linear: Linear, force_std: Array, sample_density: Array) -> float:
+    """Median over the places of the fastest mode of the smoother [rad/s]: how fast its answer can move.
+
+    With residual forces of spectral density Q = force_std^2 (n_soft,) and samples of density R = sample_density = r^2 dt (ny,), inf for an
+    output without samples, the smoother has the modes of
+
+        | A            G Q G' |
+        | C' R^-1 C    -A'    |
+
+    half of them stable and half of them not (Bryson & Ho, Applied Optimal Control, section 13.3); with Q = 0 they are the plant's own.
+    """
+    Q, R = np.diag(force_std**2), np.diag(1.0 / sample_density)
+    nx = linear.A.shape[1]
+    noise = linear.G @ Q @ _t(linear.G)
+    information = _t(linear.C) @ R @ linear.C
+    # the same modes with both halves of comparable size: noise densities span many decades
+    upper, lower = np.abs(noise).max(axis=(1, 2), initial=0.0), np.abs(information).max(axis=(1, 2), initial=0.0)
+    balance = np.sqrt(np.where((upper > 0) & (lower > 0), lower / np.where(upper > 0, upper, 1.0), 1.0))[:, None, None]
+    hamiltonian = np.zeros((len(linear.A), 2 * nx, 2 * nx))
+    hamiltonian[:, :nx, :nx], hamiltonian[:, nx:, nx:] = linear.A, -_t(linear.A)
+    hamiltonian[:, :nx, nx:], hamiltonian[:, nx:, :nx] = noise * balance, information / balance
+    return float(np.median(np.abs(np.linalg.eigvals(hamiltonian)).max(axis=1))) if len(hamiltonian) else 0.0
+
+
+def left_out_of_outputs(linear: Linear, impulse: Array, steps: Array) -> Array:
+    """How far outputs move between the knots by an input's unresolved impulse, (ny, N).
+
+    impulse (nu, N) moves x by B * impulse at once, and what integrates x by A B * impulse * h/4.
+    """
+    direct = np.median(np.abs(linear.C @ linear.B), axis=0)
+    integrated = np.median(np.abs(linear.C @ linear.A @ linear.B), axis=0)
+    return np.asarray(direct @ impulse + integrated @ impulse * steps / 4, dtype=np.float64)
+
+
+def driven_between_knots(linear: Linear, first: Array, second: Array) -> Array:
+    """What the unresolved part of the input adds to the states at the samples, (nx, M).
+
+    first, second (nu, M): its first and second integrals since the last knot (`Horizon.unresolved_integrals`):
+
+        x += B first + A B second            (the next term is smaller by |A| h, and at the knots nothing is left but that of order h^3)
+    """
+    step = np.einsum("mij,jm->im", linear.B, first)
+    return step + np.einsum("mij,mjk,km->im", linear.A, linear.B, second, optimize=True)
+
+
+def bridge_variance(mesh: Mesh, degree: int, interval: Array, tau: Array) -> Array:
+    """Variance per density of the Brownian motion that white forces drive between the knots beyond their `degree` moments, (M,) [s].
+
+        h ( tau (1 - tau) - sum_(j=1)^(K-1) (int_0^tau L_j)^2 ),       zero at the knots
+    """
+    resolved = sum((np.sqrt(2.0 * j + 1.0) * _legendre_integral(j, tau)) ** 2 for j in range(1, degree))
+    return np.asarray(np.maximum(tau * (1 - tau) - resolved, 0.0) * mesh.steps[interval], dtype=np.float64)
+
+
+def _legendre_integral(order: int, tau: Array) -> Array:
+    """int_0^tau P_order(2 s - 1) ds = (P_(order+1) - P_(order-1)) / (2 (2 order + 1))."""
+    P = np.polynomial.legendre.legvander(2.0 * tau - 1.0, order + 1).T
+    return np.asarray((P[order + 1] - P[order - 1]) / (2.0 * (2.0 * order + 1.0)), dtype=np.float64)
+
+
+def _stacked(side_by_side: Array, rows: int, columns: int, count: int) -> Array:
+    """(rows, columns * count) -> (count, rows, columns)."""
+    return np.ascontiguousarray(side_by_side.reshape(rows, count, columns).transpose(1, 0, 2))
+
+
+def _t(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)

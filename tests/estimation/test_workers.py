@@ -1,0 +1,47 @@
+"""Pieces of work give the same answers wherever they run."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+
+from backsight.estimation.workers import workers
+from backsight.models.errors import InputError
+
+
+def test_here_and_in_two_processes_the_answers_are_the_same():
+    for jobs in (1, 2):
+        with workers(jobs) as pool:
+            futures = [pool.submit(divmod, k, 7) for k in range(20)]
+            assert [future.result() for future in futures] == [divmod(k, 7) for k in range(20)]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_piece_of_work_raises_is_raised_where_its_answer_is_asked_for(jobs):
+    with workers(jobs) as pool:
+        future = pool.submit(divmod, 1, 0)
+        with pytest.raises(ZeroDivisionError):
+            future.result()
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_is_an_executor_like_any_other():
+    distributed = pytest.importorskip("distributed")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+        try:
+            with workers(scheduler=cluster.scheduler_address) as pool:
+                assert [pool.submit(divmod, k, 7).result() for k in range(5)] == [divmod(k, 7) for k in range(5)]
+        finally:
+            cluster.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"jobs": 0}, r"--jobs 0: .* at least 1"), ({"scheduler": "tcp://127.0.0.1:9"}, r"--scheduler tcp://127\.0\.0\.1:9: ")],
+)
+def test_workers_that_cannot_be_had_are_bad_input(options, words):
+    with pytest.raises(InputError, match=words), workers(**options):
+        pytest.fail("there was nobody to work")

@@ -1,0 +1,121 @@
+"""The actuator: its equations as published, and its motion against closed forms between events."""
+
+import time
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from backsight.models import compile_model, simulate
+from backsight.models.mechanics.translational import Mass, Spring
+from backsight.models.plants import PLANTS, actuator
+
+M, D, F_C, OFFSET = 95.109, 203.50, 20.394, -3.165
+
+
+def drive(t: np.ndarray) -> np.ndarray:
+    """Sines and held steps that stop and reverse the axis several times."""
+    steps = np.repeat(np.random.default_rng(7).uniform(-30.0, 30.0, len(t) // 25 + 1), 25)[: len(t)]
+    return sum(a * np.sin(2 * np.pi * f * t + i) for i, (f, a) in enumerate(((0.4, 60.0), (1.1, 50.0), (2.9, 30.0)))) + steps
+
+
+def with_events(t: np.ndarray, force: np.ndarray, x: float) -> np.ndarray:
+    """M x'' = F - C sgn(x') - D x' - offset from rest, in closed form between exact stops; sticks while |F - offset| <= C."""
+    v, rows = 0.0, []
+    for k, (start, end) in enumerate(pairwise([*t, t[-1]])):
+        rows.append((x, v))
+        left, push = end - start, force[k] - OFFSET
+        while left > 0.0 and (v != 0.0 or abs(push) > F_C):
+            direction = np.sign(v) if v else np.sign(push)
+            final, rate = (push - F_C * direction) / D, D / M
+            stop = np.log1p(-v / final) / rate if v and v / final < 0 else np.inf
+            step = min(left, stop)
+            x += final * step - (v - final) * np.expm1(-rate * step) / rate
+            v = 0.0 if step == stop else final + (v - final) * np.exp(-rate * step)
+            left -= step
+    return np.array(rows).T
+
+
+def test_the_axis_is_registered_under_its_name() -> None:
+    assert PLANTS["actuator"]() == actuator()
+
+
+def test_names_units_and_defaults_are_the_published_ones() -> None:
+    dae = compile_model(actuator())
+    assert [(q.name, q.unit) for q in dae.states] == [("carriage.s", "m"), ("carriage.v", "m/s")]
+    assert [(q.name, q.unit) for q in (*dae.inputs, *dae.outputs)] == [("F", "N"), ("x", "m")]
+    assert {q.name: (q.value, q.unit) for q in dae.parameters if not q.smoothing} == {
+        "carriage.m": (M, "kg"),
+        "friction.d": (D, "N.s/m"),
+        "friction.f_c": (F_C, "N"),
+        "offset.f": (OFFSET, "N"),
+    }
+    assert [q.name for q in dae.parameters if q.smoothing] == ["friction.width"]
+    assert [(p.name, p.unit, p.kind, p.enabled) for p in dae.places] == [("carriage", "N", "balance", True)]
+    assert ("screw", "m", "law", False) in [(p.name, p.unit, p.kind, p.enabled) for p in dae.dormant_places]
+    assert (dae.z.shape[0], dae.index, dae.kinematics, dae.invariants.shape[0]) == (0, 0, ((0, 1, 0),), 0)
+    assert dae.equations[1].origin == "force balance of carriage" and dae.equations[1].place == 0
+
+
+def test_its_rows_are_the_textbook_balance_in_newtons() -> None:
+    dae = compile_model(actuator())
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        dx, x, u, w = rng.normal(size=2), rng.normal(size=2) * [1, 1e-3], rng.normal(size=1), rng.normal(size=1)
+        residual, output = dae.function()(dx, x, [], u, dae.parameter_values(), w, 0.0)
+        friction = D * x[1] + F_C * np.tanh(x[1] / 1e-3)
+        assert residual.full()[:, 0] == pytest.approx([dx[0] - x[1], M * dx[1] - (u[0] - friction - OFFSET) - w[0]], rel=1e-12)
+        assert float(output) == x[0]
+
+
+def test_the_residual_enters_its_own_row_only_and_with_weight_minus_one() -> None:
+    dae = compile_model(actuator())
+    assert ca.DM(ca.jacobian(dae.residual, dae.w)).full().tolist() == [[0.0], [-1.0]]
+
+
+def test_a_residual_at_the_screw_is_its_wind_up_seen_by_the_encoder() -> None:
+    dae = compile_model(actuator(), places=("screw",))
+    row = next(i for i, e in enumerate(dae.equations) if e.origin == "rigidity of screw")
+    residual, output = dae.function()(
+        [0, 0], [0.3, 0], [0.31], [0], dae.parameter_values(), [0.01 if p.name == "screw" else 0 for p in dae.places], 0
+    )
+    assert float(residual[row]) == pytest.approx(0.0) and float(output) == 0.31
+
+
+def test_without_coulomb_friction_it_follows_the_matrix_exponential_under_held_forces() -> None:
+    t = np.arange(3000) * 0.002
+    force = drive(t)
+    a = np.array([[0.0, 1.0, 0.0], [0.0, -D / M, 1.0 / M], [0.0, 0.0, 0.0]])
+    step = expm(a * 0.002)
+    truth = [np.array([0.01, 0.02])]
+    for f in force[:-1]:
+        truth.append((step @ [*truth[-1], f - OFFSET])[:2])
+    began = time.perf_counter()
+    run = simulate(compile_model(actuator()), t, {"F": force}, {"friction.f_c": 0.0}, {"carriage.s": 0.01, "carriage.v": 0.02})
+    assert time.perf_counter() - began < 5.0
+    for name, column in zip(("carriage.s", "carriage.v"), np.array(truth).T, strict=True):
+        assert np.abs(run.states[name] - column).max() < 1e-10 * np.ptp(column)
+    assert np.array_equal(run.outputs["x"], run.states["carriage.s"])
+
+
+def test_with_coulomb_friction_it_sticks_and_slips_as_the_event_accurate_solution_does() -> None:
+    t = np.arange(3000) * 0.002
+    force = drive(t)
+    x, v = with_events(t, force, 0.01)
+    assert np.sum(v[1:] == 0.0) > 20 and np.sum(v[1:] * v[:-1] < 0) >= 2  # it sticks, and it reverses
+    run = simulate(compile_model(actuator()), t, {"F": force}, initial={"carriage.s": 0.01})
+    assert np.abs(run.states["carriage.s"] - x).max() < 1e-6 * np.ptp(x)
+    assert np.abs(run.states["carriage.v"] - v).max() < 1e-6 * np.ptp(v)
+
+
+def test_a_compliant_screw_gives_the_two_mass_resonance() -> None:
+    k, nut = 4e6, 20.0
+    model = actuator().replace("screw", Spring(k=k)).insert("screw.flange_a", Mass(m=nut), name="nut")
+    dae = compile_model(model)
+    quiet = {"friction.f_c": 0.0, "friction.d": 0.0, "offset.f": 0.0}
+    t = np.linspace(0.0, 0.05, 101)
+    run = simulate(dae, t, {"F": 0.0}, quiet, {"nut.s": 1e-4})
+    frequency = np.sqrt(k * (1 / nut + 1 / M))
+    assert run.outputs["x"] - run.states["carriage.s"] == pytest.approx(1e-4 * np.cos(frequency * t), abs=1e-11)

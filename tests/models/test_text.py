@@ -1,0 +1,58 @@
+"""Equations and models as text."""
+
+import casadi as ca
+import pytest
+
+from backsight.models import compile_model, equations_text
+from backsight.models.plants import actuator
+from backsight.models.text import expression_text
+
+a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
+
+
+@pytest.mark.parametrize(
+    ("expression", "text"),
+    [
+        (a + b - c, "a + b - c"),
+        (a - (b - c), "a + c - b"),
+        (-(a + b), "-a - b"),
+        (a * (b + c), "a*(b + c)"),
+        (a / (b * c), "a/(b*c)"),
+        (a * b / c, "a*b/c"),
+        ((a + b) ** 2, "(a + b)^2"),
+        (2 * a, "2*a"),
+        (ca.tanh(a / b), "tanh(a/b)"),
+        (ca.sin(a) * ca.exp(-b), "sin(a)*exp(-b)"),
+        (a**2.5 + 1.5, "a^2.5 + 1.5"),
+        (ca.atan2(a, b), "atan2(a, b)"),
+        (a - 0.25, "a - 0.25"),
+    ],
+)
+def test_an_expression_reads_without_needless_brackets(expression: ca.SX, text: str) -> None:
+    assert expression_text(expression) == text
+
+
+def test_the_balance_of_the_axis_reads_like_the_textbook() -> None:
+    lines = equations_text(compile_model(actuator())).splitlines()
+    assert lines[0] == "der(carriage.s) = carriage.v    [velocity of carriage]"
+    assert lines[1].startswith(
+        "carriage.m*der(carriage.v) = F - friction.d*carriage.v - friction.f_c*tanh(carriage.v/friction.width) - offset.f + w[carriage]"
+    )
+    assert lines[2] == "x = carriage.s    [output]"
+
+
+def test_a_model_describes_all_that_a_user_may_name() -> None:
+    text = actuator().describe()
+    for word in (
+        "motor.flange = screw.flange_a",
+        "carriage.m",
+        "95.109 kg",
+        "friction.width",
+        "smoothing, no physics",
+        "force balance of carriage",
+        "off unless asked for",
+        "residual on",
+        "F  [N]  motor.f",
+        "x  [m]  encoder.s",
+    ):
+        assert word in text
