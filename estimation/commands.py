@@ -42,7 +42,7 @@ def run_demo(options: Options) -> int:
 
 def run_smooth(path: Path, options: Options) -> int:
     """Smooth a study."""
-    return _smooth(Study.read(path), options.out or path.with_suffix(""), options, command="smooth")
+    return _smooth(Study.read(path), options.out or _named_after(path), options, command="smooth")
 
 
 def run_simulate(path: Path, options: Options) -> int:
@@ -51,7 +51,7 @@ def run_simulate(path: Path, options: Options) -> int:
     from .simulation import simulate_study
 
     study = Study.read(path)
-    out = options.out or path.with_suffix("")
+    out = options.out or _named_after(path)
     with results_folder(out) as folder, _progress(options) as say:
         answer = simulate_study(study, jobs=options.jobs, scheduler=options.scheduler, progress=say)
         say("writing the report")
@@ -94,6 +94,11 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str) -> int:
         sys.stderr.write(f"error: no convergence: {answer.solver.status.rstrip('.')}; what there is, is in {out}, marked\n")
         return NO_CONVERGENCE
     return DONE
+
+
+def _named_after(study: Path) -> Path:
+    """The folder beside the study that has its name, without .toml."""
+    return study.with_suffix("") if study.suffix else study.with_name(f"{study.name}_results")
 
 
 @contextmanager

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from .wording import number
-
 if TYPE_CHECKING:
     from .results import Smoothing
     from .simulation import Simulation
@@ -40,7 +38,7 @@ def simulation_table(answer: Simulation) -> Table:
         table.add_column(heading)
     for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
-            table.add_row(recording, output, f"{number(fit.rms)} {answer.units[output]}", _share(fit.fit_percent))
+            table.add_row(recording, output, f"{fit.rms:.4g} {answer.units[output]}", _share(fit.fit_percent))
     return table
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 import multiprocessing
+import socket
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
+from urllib.parse import urlsplit
 
 from backsight.models.errors import InputError
 
@@ -56,6 +58,7 @@ def _cluster(address: str) -> Iterator[Executor]:
     except ImportError:
         remedy = "install it by `pip install backsight[cluster]`, or leave --scheduler out"
         raise InputError(f"--scheduler {address}: a cluster needs dask.distributed; {remedy}") from None
+    _knock(address)
     try:
         client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -67,3 +70,18 @@ def _cluster(address: str) -> Iterator[Executor]:
         yield client.get_executor()
     finally:
         client.close()
+
+
+def _knock(address: str) -> None:
+    """Raise InputError at once where nobody listens: the client itself keeps trying for long."""
+    parts = urlsplit(address if "://" in address else f"tcp://{address}")
+    try:
+        if parts.scheme in ("tcp", "tls"):
+            socket.create_connection((parts.hostname or "", parts.port or 8786), timeout=CONNECT_SECONDS).close()
+    except (OSError, ValueError) as error:
+        raise _no_answer(address, error) from None
+
+
+def _no_answer(address: str, error: Exception) -> InputError:
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    return InputError(f"--scheduler {address}: no Dask scheduler answers there ({reason[:200]}); start one, or correct the address")

@@ -13,7 +13,9 @@ dropped. A law whose residual is switched on is never used up, nor is an equatio
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -30,8 +32,49 @@ class Reduced:
 
     equations: list[FlatEquation]
     definitions: dict[str, SX]
-    definition_rates: dict[str, SX]  # der(name) of eliminated variables, where it was needed
     merged: dict[str, str]  # place that was dropped -> place that stands for it
+
+
+class Held:
+    """An expression with its symbols and slopes, found once. Symbols it does not depend on, as in (s + x) - s, are dropped."""
+
+    def __init__(self, value: SX) -> None:
+        symbols, slopes = _slopes(value)
+        idle = [symbol for symbol, slope in zip(symbols, slopes, strict=True) if slope.is_zero()]
+        if idle:
+            value = ca.substitute([value], idle, [ca.SX(0)] * len(idle))[0]
+            symbols, slopes = _slopes(value)
+        self.value = value
+        self.symbols = {symbol.name(): symbol for symbol in symbols}
+        self.slopes = {symbol.name(): slope for symbol, slope in zip(symbols, slopes, strict=True)}
+
+    @cached_property
+    def rates(self) -> list[str]:
+        """The variables whose derivative occurs."""
+        return [name[4:-1] for name in self.symbols if name.startswith("der(")]
+
+    def replaced(self, old: dict[str, SX], new: list[SX]) -> Held:
+        """The expression with symbols replaced; itself where none of them occurs."""
+        if not any(name in self.symbols for name in old):
+            return self
+        return Held(ca.substitute([self.value], list(old.values()), new)[0])
+
+    def solved_for(self, name: str) -> SX:
+        """0 = c v + e as v = -e/c."""
+        return -ca.substitute(self.value, self.symbols[name], 0) / self.slopes[name]
+
+
+def _slopes(value: SX) -> tuple[list[SX], list[SX]]:
+    symbols = ca.symvar(value)
+    return symbols, list(ca.horzsplit(ca.densify(ca.jacobian(value, ca.vertcat(*symbols))))) if symbols else []
+
+
+@dataclass(frozen=True)
+class Row:
+    """An equation of the flat model and what has become of its residual."""
+
+    equation: FlatEquation
+    held: Held
 
 
 class Eliminator:
@@ -39,24 +82,23 @@ class Eliminator:
 
     def __init__(self, flat: FlatModel, known: set[str], slots: dict[str, SX]) -> None:
         self.flat, self.known, self.slots = flat, known, slots
-        self.equations = [self._with_slot(e) for e in flat.equations]
-        self.definitions: dict[str, SX] = {}
-        self.rates: dict[str, SX] = {}
+        self.slot_names = {symbol.name() for symbol in slots.values()}
+        self.rows = [Row(e, Held(e.residual - slots[e.slot[0]] if e.slot and e.slot[0] in slots else e.residual)) for e in flat.equations]
+        self.rate_rows: list[Row] = []
+        self.definitions: dict[str, Held] = {}
+        self.rate_of: dict[str, Held] = {}  # s -> the s' that a kept row defines
         self.merged: dict[str, str] = {}
-        self.rate_of: dict[str, SX] = {}  # der(s) that a kept row defines
-        self.rate_rows: list[FlatEquation] = []
         self.order = {name: i for i, name in enumerate(flat.variables)}
         self.safe_parameters = {name for name, (declared, _, _) in flat.parameters.items() if declared.min > 0 or declared.max < 0}
-
-    def _with_slot(self, e: FlatEquation) -> FlatEquation:
-        return replace(e, residual=e.residual - self.slots[e.slot[0]]) if e.slot and e.slot[0] in self.slots else e
 
     def run(self) -> Reduced:
         """Apply the rules until none fits."""
         while self._define() or self._rate() or self._merge():
             pass
         return Reduced(
-            equations=[*self.rate_rows, *self.equations], definitions=self.definitions, definition_rates=self.rates, merged=self.merged
+            equations=[replace(row.equation, residual=row.held.value) for row in [*self.rate_rows, *self.rows]],
+            definitions={name: held.value for name, held in self.definitions.items()},
+            merged=self.merged,
         )
 
     # --- the three rules
@@ -64,159 +106,138 @@ class Eliminator:
     def _define(self) -> bool:
         best: tuple[tuple[int, int, int], int, str] | None = None
         differentiated = self._differentiated()
-        for row, equation in enumerate(self.equations):
-            if equation.kind == "balance" or (equation.slot and equation.slot[0] in self.slots):
+        for i, row in enumerate(self.rows):
+            if row.equation.kind == "balance" or self._place(row) in self.slots:
                 continue
-            for name in self._defined_by(equation.residual, differentiated):
-                key = (self.flat.variables[name].rank, 0 if self._is_unit(equation.residual, name) else 1, -self.order[name])
+            for name in self._defined_by(row.held, differentiated):
+                key = (self.flat.variables[name].rank, 0 if _is_unit(row.held.slopes[name]) else 1, -self.order[name])
                 if best is None or key < best[0]:
-                    best = key, row, name
-            if best is not None and best[0][:2] == (0, 0):
-                break
+                    best = key, i, name
         if best is None:
             return False
-        self._use(best[1], best[2])
+        self._use(best[1], best[2], differentiated)
         return True
 
     def _rate(self) -> bool:
-        best: tuple[tuple[int, int], int, str, SX] | None = None
-        for row, equation in enumerate(self.equations):
-            rates = [s for s in ca.symvar(equation.residual) if s.name().startswith("der(")]
-            if equation.kind != "equal" or len(rates) != 1 or rates[0].name() in self.rate_of:
+        best: tuple[tuple[int, int], int, str] | None = None
+        for i, row in enumerate(self.rows):
+            if row.equation.kind != "equal" or len(row.held.rates) != 1:
                 continue
-            name = rates[0].name()[4:-1]
-            coefficient = ca.jacobian(equation.residual, rates[0])
-            if not self._is_safe(coefficient):
+            name = row.held.rates[0]
+            if name in self.rate_of or not self._is_safe(row.held.slopes[f"der({name})"]):
                 continue
-            others = [s.name() for s in ca.symvar(equation.residual) if s.name() in self.flat.variables and s.name() not in self.known]
-            rank = max((self.flat.variables[other].rank for other in others if other != name), default=0)
-            key = (-rank - self.flat.variables[name].rank, min((self.order[other] for other in others), default=0))
+            others = [other for other in self._variables(row.held) if other != name]
+            rank = max((self.flat.variables[other].rank for other in others), default=0) + self.flat.variables[name].rank
+            key = (-rank, min((self.order[other] for other in others), default=0))
             if best is None or key < best[0]:
-                best = key, row, name, coefficient
+                best = key, i, name
         if best is None:
             return False
-        _, row, name, coefficient = best
-        equation = self.equations.pop(row)
+        _, i, name = best
+        row = self.rows.pop(i)
         rate = self.flat.derivatives[name]
-        value = -ca.substitute(equation.residual, rate, 0) / coefficient
-        self.rate_rows.append(replace(equation, residual=rate - value))
-        self.rate_of[f"der({name})"] = value
-        self._substitute([rate], [value], keep_rates=True)
+        value = row.held.solved_for(f"der({name})")
+        self._substitute({rate.name(): rate}, [value])
+        self.rate_of[name] = Held(value)
+        self.rate_rows.append(Row(row.equation, Held(rate - value)))
         return True
 
     def _merge(self) -> bool:
         """A balance whose component kept no derivative of its own is solved for a force of constraint."""
         differentiated = self._differentiated()
-        moving = {name.partition(".")[0] for name in differentiated if name not in self.definitions}
-        for row in reversed(range(len(self.equations))):
-            equation = self.equations[row]
-            if equation.kind != "balance" or equation.component in moving:
+        moving = {name.partition(".")[0] for name in differentiated}
+        for i in reversed(range(len(self.rows))):
+            row = self.rows[i]
+            if row.equation.kind != "balance" or row.equation.component in moving:
                 continue
-            residual = equation.residual
-            place = equation.slot[0] if equation.slot else ""
-            if place in self.slots:
-                residual = ca.substitute(residual, self.slots[place], 0)
-            names = [name for name in self._defined_by(residual, differentiated) if name not in differentiated]
+            place = self._place(row)
+            held = row.held.replaced({self.slots[place].name(): self.slots[place]}, [ca.SX(0)]) if place in self.slots else row.held
+            names = [name for name in self._defined_by(held, differentiated) if name not in differentiated]
             if not names:
                 continue
             name = min(names, key=lambda n: (self.flat.variables[n].rank, -self.order[n]))
-            self.equations[row] = replace(equation, residual=residual)
             heirs = [
-                other.slot[0]
-                for i, other in enumerate(self.equations)
-                if i != row and other.slot and self.slots.keys() >= {other.slot[0]} and self._mentions(other.residual, name)
+                p for j, other in enumerate(self.rows) if j != i and name in other.held.symbols and (p := self._place(other)) in self.slots
             ]
-            if place:
+            if place in self.slots:
                 self.merged[place] = heirs[0] if heirs else ""
-            self._use(row, name)
+            self.rows[i] = Row(row.equation, held)
+            self._use(i, name, differentiated)
             return True
         return False
 
     # --- what they share
 
-    def _defined_by(self, residual: SX, differentiated: set[str]) -> list[str]:
+    def _defined_by(self, held: Held, differentiated: set[str]) -> list[str]:
         """The variables that this row may define."""
-        symbols = ca.symvar(residual)
-        present = {s.name() for s in symbols}
-        dynamic = any(name.startswith("der(") for name in present)
-        slots = {s.name() for s in self.slots.values()}
-        fixed = not dynamic and not present & self.known and not present & slots  # may be differentiated
-        found = []
-        for symbol in symbols:
-            name = symbol.name()
-            if name not in self.flat.variables or name in self.known or f"der({name})" in present:
-                continue
-            if name in differentiated and not (fixed and self._keeps_states(residual, name, differentiated)):
-                continue
-            if self._is_safe(ca.jacobian(residual, symbol)):
-                found.append(name)
-        return found
+        present = held.symbols.keys()
+        smooth = not held.rates and not present & self.known and not present & self.slot_names  # may be differentiated
+        return [
+            name
+            for name in self._variables(held)
+            if f"der({name})" not in present
+            and self._is_safe(held.slopes[name])
+            and (name not in differentiated or (smooth and self._keeps_states(held, name, differentiated)))
+        ]
 
-    def _keeps_states(self, residual: SX, name: str, differentiated: set[str]) -> bool:
-        """Whether defining a differentiated variable by this row makes no state of a variable that enters it nonlinearly and is none yet."""
-        others = [s for s in ca.symvar(residual) if s.name() in self.flat.variables and s.name() not in (name, *differentiated)]
-        return all(ca.jacobian(residual, other).is_constant() or self._is_safe(ca.jacobian(residual, other)) for other in others)
+    def _keeps_states(self, held: Held, name: str, differentiated: set[str]) -> bool:
+        """Whether, `name` being defined by this row, no variable becomes a state that enters nonlinearly and is none yet."""
+        return all(other in differentiated or self._is_safe(held.slopes[other]) for other in self._variables(held) if other != name)
 
-    def _use(self, row: int, name: str) -> None:
-        """Eliminate `name` by the equation at `row`, in all other rows and in the earlier definitions."""
-        equation, symbol = self.equations.pop(row), self.flat.symbols[name]
-        value = -ca.substitute(equation.residual, symbol, 0) / ca.jacobian(equation.residual, symbol)
-        old, new = [symbol], [value]
-        if name in self.flat.derivatives and f"der({name})" in self._present():
-            old.append(self.flat.derivatives[name])
-            new.append(self._total_derivative(value))
-            self.rates[name] = new[-1]
+    def _use(self, i: int, name: str, differentiated: set[str]) -> None:
+        """Eliminate `name` by row i, in all other rows and in the earlier definitions."""
+        value = self.rows.pop(i).held.solved_for(name)
+        symbol = self.flat.symbols[name]
+        old, new = {symbol.name(): symbol}, [value]
+        if name in differentiated:
+            rate = self.flat.derivatives[name]
+            old[rate.name()] = rate
+            new.append(self._total_derivative(Held(value)))
         self._substitute(old, new)
-        self.definitions[name] = value
+        self.definitions[name] = Held(value)
 
-    def _substitute(self, old: list[SX], new: list[SX], keep_rates: bool = False) -> None:
-        rows = [e.residual for e in self.equations]
-        kept = [] if keep_rates else [e.residual for e in self.rate_rows]
-        known = [*self.definitions.values(), *self.rates.values(), *self.rate_of.values()]
-        results = [clean(e) for e in ca.substitute([*rows, *kept, *known], old, new)]
-        self.equations = [replace(e, residual=r) for e, r in zip(self.equations, results, strict=False)]
-        del results[: len(rows)]
-        if kept:
-            self.rate_rows = [replace(e, residual=r) for e, r in zip(self.rate_rows, results, strict=False)]
-            del results[: len(kept)]
-        for table in (self.definitions, self.rates, self.rate_of):
-            for key in table:
-                table[key] = results.pop(0)
+    def _substitute(self, old: dict[str, SX], new: list[SX]) -> None:
+        self.rows = [Row(row.equation, row.held.replaced(old, new)) for row in self.rows]
+        self.rate_rows = [Row(row.equation, row.held.replaced(old, new)) for row in self.rate_rows]
+        self.definitions = {name: held.replaced(old, new) for name, held in self.definitions.items()}
+        self.rate_of = {name: held.replaced(old, new) for name, held in self.rate_of.items()}
 
-    def _total_derivative(self, expression: SX) -> SX:
+    def _total_derivative(self, held: Held) -> SX:
         total = ca.SX(0)
-        for symbol in ca.symvar(expression):
-            name = symbol.name()
+        for name, slope in held.slopes.items():
             if name == "time":
-                total += ca.jacobian(expression, symbol)
+                total += slope
+            elif name in self.rate_of:
+                total += slope * self.rate_of[name].value
             elif name in self.flat.variables:
-                rate = self.rate_of.get(f"der({name})")
-                if rate is None:
-                    rate = self.flat.derivatives.setdefault(name, ca.SX.sym(f"der({name})"))
-                total += ca.jacobian(expression, symbol) * rate
+                total += slope * self.flat.derivatives.setdefault(name, ca.SX.sym(f"der({name})"))
         return total
-
-    def _present(self) -> set[str]:
-        rows = [e.residual for e in [*self.equations, *self.rate_rows]]
-        every = [*rows, *self.definitions.values(), *self.rates.values(), *self.rate_of.values()]
-        return {s.name() for s in ca.symvar(ca.vertcat(*every))}
 
     def _differentiated(self) -> set[str]:
         """Variables whose derivative occurs anywhere."""
-        return {name[4:-1] for name in self._present() if name.startswith("der(")}
+        every = [
+            *(row.held for row in self.rows),
+            *(row.held for row in self.rate_rows),
+            *self.definitions.values(),
+            *self.rate_of.values(),
+        ]
+        return {name for held in every for name in held.rates}
 
-    def _mentions(self, expression: SX, name: str) -> bool:
-        return any(s.name() == name for s in ca.symvar(expression))
+    def _variables(self, held: Held) -> Iterable[str]:
+        return [name for name in held.symbols if name in self.flat.variables and name not in self.known]
 
-    def _is_unit(self, residual: SX, name: str) -> bool:
-        coefficient = ca.jacobian(residual, self.flat.symbols[name])
-        return bool(coefficient.is_constant()) and abs(float(coefficient)) == 1.0
+    def _place(self, row: Row) -> str:
+        return row.equation.slot[0] if row.equation.slot else ""
 
     def _is_safe(self, coefficient: SX) -> bool:
         if coefficient.is_constant():
             return float(coefficient) != 0.0
         product = _factors(coefficient)
         return product is not None and product <= self.safe_parameters
+
+
+def _is_unit(coefficient: SX) -> bool:
+    return bool(coefficient.is_constant()) and abs(float(coefficient)) == 1.0
 
 
 def _factors(expression: SX) -> set[str] | None:
@@ -234,12 +255,8 @@ def _factors(expression: SX) -> set[str] | None:
 
 
 def clean(expression: SX) -> SX:
-    """The expression without the symbols it does not depend on, as in (s + x) - s."""
-    for symbol in ca.symvar(expression):
-        slope = ca.jacobian(expression, symbol)
-        if slope.nnz() == 0 or (slope.is_constant() and float(slope) == 0.0):
-            expression = ca.substitute(expression, symbol, 0)
-    return expression
+    """The expression without the symbols it does not depend on."""
+    return Held(expression).value
 
 
 def refuse_dropped(place: str, merged: dict[str, str]) -> ModelError:

@@ -190,5 +190,5 @@ def _check_value(where: str, value: object, parameter: Parameter) -> None:
         raise TypeError(f"{where}: a parameter value is a number [{parameter.unit}], not {type(value).__name__}")
     if not math.isfinite(value):
         raise ModelError(f"{where}: the value must be finite; give a number [{parameter.unit}]")
-    if not parameter.min <= value <= parameter.max:
+    if not parameter.min <= float(value) <= parameter.max:
         raise ModelError(f"{where}: the value must lie between {parameter.min:g} and {parameter.max:g} {parameter.unit}; change it")
