@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backsight.ocp import Horizon
-from backsight.ocp.linear import fastest_rate, left_out_of_outputs, linearise
+from backsight.ocp.linear import driven_outputs, fastest_rate, left_out_of_outputs, linearise
 from backsight.ocp.follow import Followed
 
 from .horizons import make_horizon, sample_density, sampling_interval
@@ -20,12 +20,12 @@ LONGEST = 5.0  # mesh step over the sampling interval, at most
 FINEST = 0.25  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
 LOOKED_AT = 40  # places of a recording where the model is linearised
-RIGID = 1.05  # smoother's fastest mode over the plant's own below which the residual forces hardly act
+UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
 
 
 @dataclass(frozen=True, kw_only=True)
 class Meshed:
-    """Horizons on their meshes; rigid: whether the weights W leave the residual forces hardly any room."""
+    """Horizons on their meshes; rigid: whether the weights W leave the residual forces no room."""
 
     horizons: list[Horizon]
     rigid: bool
@@ -53,9 +53,10 @@ def mesh(
         dx, x, z = followed.at(number, times)
         places = linearise(problem.dae, dx, x, z, horizon.input_at(times), times, parameters, soft)
         density = sample_density(problem.dae, recording, table)
-        rate, plant = (fastest_rate(places, s, density) for s in (std, 0.0 * std))
-        dt = sampling_interval(recording)
-        rigid_here = rate < RIGID * plant
+        dt, rate = sampling_interval(recording), fastest_rate(places, std, density)
+        span = float(recording.time[-1] - recording.time[0])
+        resolved = np.sqrt(density / span)  # what the mean of all samples of an output tells
+        rigid_here = bool(np.all(driven_outputs(places, std, span) < UNFELT * resolved))
         longest = 1.0 if rigid_here else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.initial, step or own)

@@ -35,9 +35,16 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
             columns[f"{q.name}.std"] = s.outputs_std[:, i]
         for i, q in enumerate(dae.states):
             columns[q.name], columns[f"{q.name}.std"] = s.states[:, i], s.states_std[:, i]
-        for i, k in enumerate(t.soft):
-            name = f"residual.{dae.places[k].name}"
-            columns[name], columns[f"{name}.std"] = s.forces[:, i], s.forces_std[:, i]
+        for k, place in enumerate(dae.places):
+            name = f"residual.{place.name}"
+            if k in t.soft:
+                i = t.soft.index(k)
+                columns[name], columns[f"{name}.std"] = s.forces[:, i], s.forces_std[:, i]
+            else:
+                # so little freedom that the data cannot say anything about it: what is known is what was supposed
+                step = t.horizons[number].mesh.steps.mean()
+                columns[name] = np.zeros(len(recording.time))
+                columns[f"{name}.std"] = np.full(len(recording.time), problem.weights.W.get(place.name, 0.0) / np.sqrt(step))
         estimates[recording.name], fit[recording.name] = pd.DataFrame(columns), fits
     notes = _notes(problem, choice, stds)
     if not determined and problem.free:
@@ -47,10 +54,10 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
         parameters=_parameters(problem, solution, determined),
         estimates=estimates,
         inputs={r.name: dict(r.inputs) for r in problem.fitted},
-        units=_units(problem, solution),
+        units=_units(problem),
         fit=fit,
         weights=Weights(
-            W={dae.places[k].name: float(s) for k, s in zip(t.soft, choice.force_std, strict=True)},
+            W={**problem.weights.W, **{dae.places[k].name: float(s) for k, s in zip(t.soft, choice.force_std, strict=True)}},
             V={q.name: stds[0][q.name] * float(choice.output_factor[i]) for i, q in enumerate(dae.outputs) if q.name in stds[0]},
         ),
         solver=SolverFacts(
@@ -61,7 +68,7 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
             build_seconds=build,
             variables=t.nlp.size,
         ),
-        residual_places=_residuals(problem, solution, estimates),
+        residual_places=_residuals(problem, estimates),
         notes=notes,
     )
 
@@ -89,20 +96,19 @@ def _parameters(problem: Problem, solution: Solution, determined: bool) -> dict[
     return out
 
 
-def _units(problem: Problem, solution: Solution) -> dict[str, str]:
+def _units(problem: Problem) -> dict[str, str]:
     dae = problem.dae
     units = {"t_s": "s"}
     for q in (*dae.inputs, *dae.outputs, *dae.states):
         units[q.name] = q.unit
-    for k in solution.transcription.soft:
-        units[f"residual.{dae.places[k].name}"] = dae.places[k].unit
+    for place in dae.places:
+        units[f"residual.{place.name}"] = place.unit
     return units
 
 
-def _residuals(problem: Problem, solution: Solution, estimates: dict[str, pd.DataFrame]) -> dict[str, ResidualSummary]:
+def _residuals(problem: Problem, estimates: dict[str, pd.DataFrame]) -> dict[str, ResidualSummary]:
     out = {}
-    for k in solution.transcription.soft:
-        place = problem.dae.places[k]
+    for place in problem.dae.places:
         values = np.concatenate([table[f"residual.{place.name}"].to_numpy() for table in estimates.values()])
         out[place.name] = ResidualSummary(place=place.name, unit=place.unit, rms=float(np.sqrt(np.mean(values**2))), origin=place.origin)
     return out
@@ -111,6 +117,8 @@ def _residuals(problem: Problem, solution: Solution, estimates: dict[str, pd.Dat
 def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tuple[str, ...]:
     """How every weight came about, in a sentence each."""
     dae, t, notes = problem.dae, choice.solution.transcription, []
+    if not t.soft and dae.places:
+        notes.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):
         place = dae.places[k]
         if place.name in problem.weights.W:

@@ -62,7 +62,8 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     force_std = {**start.force_std, **given}
     meshed = mesh(problem, followed, stds, force_std, start.parameters, settings.degree, settings.step)
     say(f"mesh of {sum(h.mesh.count for h in meshed.horizons)} intervals")
-    transcription = _transcribe(problem, meshed, force_std, settings, rigid=meshed.rigid and not start.force_std.keys() - given.keys())
+    rigid = meshed.rigid and set(given) == set(start.force_std)
+    transcription = _transcribe(problem, meshed, {} if rigid else force_std, settings)
     solver = Solver(transcription.nlp, settings.options)
     first = start_decisions(transcription, followed, start.parameters)
     values = _with_fine_input(transcription, first, start.parameters, transcription.nlp.values(parameters))
@@ -79,14 +80,14 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     return outcome(problem, choice, stds, build=build, seconds=time.perf_counter() - began - build)
 
 
-def _transcribe(problem: Problem, meshed: Meshed, force_std: dict[int, float], settings: Settings, *, rigid: bool) -> Transcription:
+def _transcribe(problem: Problem, meshed: Meshed, force_std: dict[int, float], settings: Settings) -> Transcription:
     free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
     known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
     prior = ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
     method, degree = settings.method, settings.degree
     if method == "auto":
-        # the cost of nearly rigid balances is too stiff to be squared; as constraints they are harmless
-        method, degree = ("collocation", degree + 1) if rigid else ("spline", degree)
+        # without residual forces every balance is a constraint, which is what collocation is for
+        method, degree = ("spline", degree) if force_std else ("collocation", degree + 1)
     return transcribe(problem.dae, meshed.horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=degree)
 
 

@@ -113,6 +113,8 @@ class Eliminator:
                 key = (self.flat.variables[name].rank, 0 if _is_unit(row.held.slopes[name]) else 1, -self.order[name])
                 if best is None or key < best[0]:
                     best = key, i, name
+            if best is not None and best[0][:2] == (0, 0):  # nothing goes before a plain alias of a connector
+                break
         if best is None:
             return False
         self._use(best[1], best[2], differentiated)

@@ -114,21 +114,24 @@ class Stepper:
         self, x: Array, z: Array, rate: Array, t: float, h: float, since: float, base: Array, slope: Array
     ) -> tuple[Array, Array, Array, float] | None:
         """One step: values and rates at its end, and the error in units of the tolerance; None where Newton's method does not converge."""
+        nx, nz = self.nx, self.nz
         tolerance = self.rtol * np.maximum(np.maximum(np.abs(x), self.seen), 1e-3 * self.nominal)
-        call, count = self._step, STAGES * self.nx
-        y = call.unknown
-        y[:count] = np.tile(h * rate, STAGES)
-        y[count:] = np.tile(z, STAGES)
-        call.given[:] = np.concatenate([x, [h, t, since], base, slope])
-        per_unit = np.concatenate([np.tile(1.0 / tolerance, STAGES), np.full(STAGES * self.nz, 1.0 / self.rtol)])
+        call, count = self._step, STAGES * nx
+        y, change = call.unknown, call.result
+        increments, ends = y[:count].reshape(STAGES, nx), y[count:].reshape(STAGES, nz)  # views
+        increments[:] = h * rate
+        ends[:] = z
+        given = call.given
+        given[:nx] = x
+        given[nx : nx + 3] = h, t, since
+        given[nx + 3 :] = np.concatenate([base, slope])
         before = np.inf
         for _ in range(_NEWTON):
             call()
-            y -= call.result
-            relative = np.abs(call.result * per_unit)
-            if self.nz:
-                relative[count:] /= 1.0 + np.abs(y[count:])
-            size = float(relative.max(initial=0.0))
+            y -= change
+            size = float((np.abs(change[:count].reshape(STAGES, nx)) / tolerance).max(initial=0.0))
+            if nz:
+                size = max(size, float((np.abs(change[count:]) / (self.rtol * (1.0 + np.abs(y[count:])))).max()))
             if not math.isfinite(size):
                 return None
             if size < 1e-2 or (size < 1.0 and size > 0.3 * before):  # converged, or as far as rounding lets it
@@ -136,17 +139,15 @@ class Stepper:
             before = size
         else:
             return None
-        increments = y[:count].reshape(STAGES, self.nx)
-        raw = self.error_weights[0] * h * rate + self.error_weights[1:] @ increments
         check = self._filter
         check.unknown[:] = 0.0
+        raw = self.error_weights[0] * h * rate + self.error_weights[1:] @ increments
         check.given[:] = np.concatenate([raw, [h], rate, z, x, base + slope * since, [t]])
         check()
-        error = float(np.max(np.abs(check.result[: self.nx]) / tolerance, initial=0.0))
+        error = float((np.abs(check.result[:nx]) / tolerance).max(initial=0.0))
         if not math.isfinite(error):
             return None
-        end = y[count:].reshape(STAGES, self.nz)[-1].copy() if self.nz else z
-        return x + self.weights @ increments, end, increments[-1] / h, error
+        return x + self.weights @ increments, ends[-1].copy(), increments[-1] / h, error
 
 
 class _Call:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+import scipy.linalg
 
 from backsight.models import Dae
 
@@ -68,6 +69,24 @@ def fastest_rate(linear: Linear, force_std: Array, sample_density: Array) -> flo
     hamiltonian[:, :nx, :nx], hamiltonian[:, nx:, nx:] = linear.A, -_t(linear.A)
     hamiltonian[:, :nx, nx:], hamiltonian[:, nx:, :nx] = noise * balance, information / balance
     return float(np.median(np.abs(np.linalg.eigvals(hamiltonian)).max(axis=1))) if len(hamiltonian) else 0.0
+
+
+def driven_outputs(linear: Linear, force_std: Array, duration: float) -> Array:
+    """Standard deviation that the residual forces alone give the outputs after `duration` [s], median over the places; (ny,).
+
+    x' = A x + G w from rest: P(T) = int_0^T e^(A s) G Q G' e^(A' s) ds (Van Loan, IEEE Trans. Automatic Control 23, 1978).
+    """
+    Q, nx = np.diag(force_std**2), linear.A.shape[1]
+    out = []
+    for A, G, C in zip(linear.A, linear.G, linear.C, strict=True):
+        # A place that is unstable would overflow; what it does in ten of its time constants is enough to know.
+        span = min(duration, 10.0 / max(1e-12, float(np.linalg.eigvals(A).real.max(initial=0.0))))
+        stiff = float(np.abs(A).max(initial=0.0)) * span
+        span = span if stiff < 300.0 else span * 300.0 / stiff
+        block = scipy.linalg.expm(np.block([[-A, G @ Q @ G.T], [np.zeros((nx, nx)), A.T]]) * span)
+        P = block[nx:, nx:].T @ block[:nx, nx:]
+        out.append(np.sqrt(np.maximum(np.diag(C @ P @ C.T), 0.0)))
+    return np.asarray(np.median(out, axis=0), dtype=np.float64)
 
 
 def left_out_of_outputs(linear: Linear, impulse: Array, steps: Array) -> Array:

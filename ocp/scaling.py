@@ -42,7 +42,8 @@ def _units(solver: Solver, decisions: Array, values: Values) -> Array:
         same = nlp.index[column if column < local - nlp.interpolation.states else column - local + nlp.interpolation.states]
         seen = diagonal[same] > 0
         size = float(np.sqrt(np.mean(decisions[same] ** 2)))
-        unit[nlp.index[column]] = float(np.median(diagonal[same][seen] ** -0.5)) if seen.any() else size or 1.0
+        deviation = float(np.median(diagonal[same][seen] ** -0.5)) if seen.any() else np.inf
+        unit[nlp.index[column]] = min(deviation, size or np.inf) if min(deviation, size or np.inf) < np.inf else 1.0
     for k in range(n, nlp.size):
         unit[k] = diagonal[k] ** -0.5 if diagonal[k] > 0 else abs(decisions[k]) or 1.0
     return unit

@@ -41,7 +41,8 @@ def test_a_gear_runs_as_the_reduced_inertia_does() -> None:
 
 def test_the_residual_of_a_body_that_moves_with_another_is_the_others() -> None:
     dae = compile_model(geared())
-    assert [place.name for place in dae.places] == ["slow"] and dict(dae.merged_places) == {"fast": "slow"}
+    assert [place.name for place in dae.places] == ["slow"]
+    assert dict(dae.merged_places) == {"fast": "slow"}
     with pytest.raises(ModelError, match="'fast' has no residual of its own: it moves rigidly with 'slow'"):
         compile_model(geared(), places=["fast"])
 
@@ -98,7 +99,8 @@ def test_a_nonlinear_coupling_is_eliminated_by_its_geometry_and_conserves_energy
         outputs={"v": "slider.v", "omega": "wheel.omega"},
     )
     dae = compile_model(model)
-    assert [q.name for q in dae.states] == ["wheel.phi", "wheel.omega"] and dae.index == 0
+    assert [q.name for q in dae.states] == ["wheel.phi", "wheel.omega"]
+    assert dae.index == 0
     run = simulate(dae, np.linspace(0, 5, 201), initial={"wheel.phi": 0.3, "wheel.omega": 4.0})
     energy = 0.5 * 0.02 * run.outputs["omega"] ** 2 + 0.5 * 2.0 * run.outputs["v"] ** 2
     assert energy == pytest.approx(np.full(201, energy[0]), rel=1e-9)
@@ -108,7 +110,8 @@ def test_a_nonlinear_coupling_is_eliminated_by_its_geometry_and_conserves_energy
 def test_a_law_whose_residual_is_on_keeps_a_row_of_its_own() -> None:
     dae = compile_model(actuator(), places=["friction"])
     assert [place.name for place in dae.places] == ["carriage", "friction"]
-    assert [q.name for q in dae.algebraics] == ["friction.f"] and dae.index == 1
+    assert [q.name for q in dae.algebraics] == ["friction.f"]
+    assert dae.index == 1
     slopes = ca.Function("slopes", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w], [ca.jacobian(dae.residual, dae.w)])
     values = [q.value for q in dae.parameters]
     assert slopes([0, 0], [0, 0.1], [1], [1], values, [0, 0]).full().tolist() == [[0, 0], [-1, 0], [0, -1]]
@@ -152,7 +155,8 @@ def test_a_body_held_by_ground_does_not_move_and_leaves_no_state() -> None:
     dae = compile_model(model)
     assert (dae.x.shape[0], dae.z.shape[0]) == (0, 0)
     run = simulate(dae, [0.0, 1.0], {"T": 3.0})
-    assert run.outputs["reaction"] == pytest.approx([3.0, 3.0]) and run.outputs["omega"] == pytest.approx([0.0, 0.0])
+    assert run.outputs["reaction"] == pytest.approx([3.0, 3.0])
+    assert run.outputs["omega"] == pytest.approx([0.0, 0.0])
 
 
 def test_clean_drops_what_cancels() -> None:

@@ -7,9 +7,12 @@ from backsight.models.errors import suggestion
 
 
 def test_the_tree_is_small_and_two_of_its_leaves_are_value_errors() -> None:
-    assert issubclass(ModelError, BacksightError) and issubclass(ModelError, ValueError)
-    assert issubclass(InputError, BacksightError) and issubclass(InputError, ValueError)
-    assert issubclass(SolveError, BacksightError) and not issubclass(SolveError, ValueError)
+    assert issubclass(ModelError, BacksightError)
+    assert issubclass(ModelError, ValueError)
+    assert issubclass(InputError, BacksightError)
+    assert issubclass(InputError, ValueError)
+    assert issubclass(SolveError, BacksightError)
+    assert not issubclass(SolveError, ValueError)
 
 
 @pytest.mark.parametrize(

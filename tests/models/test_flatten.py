@@ -81,10 +81,10 @@ def test_an_input_on_a_variable_that_is_determined_already_is_over_determined() 
         inputs={"f": "brake.f"},
         connections=[("body.flange", "brake.flange_a"), ("brake.flange_b", "ground.flange")],
     )
-    with pytest.raises(ModelError, match="over-determined: .*damper law of brake.*or drive something else than brake.f"):
+    with pytest.raises(ModelError, match=r"over-determined: .*damper law of brake.*or drive something else than brake.f"):
         compile_model(model)
 
 
 def test_a_model_without_components_is_refused() -> None:
-    with pytest.raises(ModelError, match="model 'empty' has no components; add some"):
+    with pytest.raises(ModelError, match=r"model 'empty' has no components; add some"):
         compile_model(Model(name="empty", components={}))

@@ -42,7 +42,8 @@ def test_a_change_of_the_dictionary_handed_in_does_not_reach_the_model() -> None
 def test_a_model_survives_pickling_and_hashes_by_value() -> None:
     model = actuator()
     copy = pickle.loads(pickle.dumps(model))
-    assert copy == model and hash(copy) == hash(model)
+    assert copy == model
+    assert hash(copy) == hash(model)
 
 
 def test_an_output_carries_its_noise_when_told() -> None:
@@ -54,7 +55,8 @@ def test_insert_at_a_body_puts_an_element_between_it_and_a_new_ground() -> None:
     base = axis()
     braked = base.insert("body", Damper(d=4.0), name="brake")
     assert set(braked.components) - set(base.components) == {"brake", "ground"}
-    assert ("body.flange", "brake.flange_a") in braked.connections and ("brake.flange_b", "ground.flange") in braked.connections
+    assert ("body.flange", "brake.flange_a") in braked.connections
+    assert ("brake.flange_b", "ground.flange") in braked.connections
     assert set(base.components) == {"motor", "body"}
     assert compile_model(braked).states[1].name == "body.v"
 
@@ -62,12 +64,14 @@ def test_insert_at_a_body_puts_an_element_between_it_and_a_new_ground() -> None:
 def test_insert_uses_the_ground_that_is_there() -> None:
     twice = axis().insert("body", Damper(d=4.0)).insert("body", Spring(k=3.0))
     assert [name for name, c in twice.components.items() if isinstance(c, Fixed)] == ["ground"]
-    assert "damper" in twice.components and "spring" in twice.components
+    assert "damper" in twice.components
+    assert "spring" in twice.components
 
 
 def test_insert_at_an_element_goes_in_parallel_with_it() -> None:
     model = actuator().insert("friction", Spring(k=10.0), name="stop")
-    assert ("friction.flange_a", "stop.flange_a") in model.connections and ("friction.flange_b", "stop.flange_b") in model.connections
+    assert ("friction.flange_a", "stop.flange_a") in model.connections
+    assert ("friction.flange_b", "stop.flange_b") in model.connections
 
 
 def test_insert_joins_a_one_flange_component_to_a_named_flange() -> None:
@@ -82,7 +86,8 @@ def test_without_undoes_insert() -> None:
 
 def test_with_values_changes_parameters_only() -> None:
     model = axis().with_values(body={"m": 7.0})
-    assert model.components["body"] == Mass(m=7.0) and model.connections == axis().connections
+    assert model.components["body"] == Mass(m=7.0)
+    assert model.connections == axis().connections
 
 
 def test_connect_joins_several_flanges_in_one_node() -> None:
@@ -121,19 +126,19 @@ def test_wrong_edits_are_refused_with_the_remedy() -> None:
     model = actuator()
     with pytest.raises(ModelError, match=r"no component 'cariage'; did you mean 'carriage'\?"):
         model.insert("cariage", Damper())
-    with pytest.raises(ModelError, match="already has a component 'friction'; choose another name"):
+    with pytest.raises(ModelError, match=r"already has a component 'friction'; choose another name"):
         model.insert("carriage", Damper(), name="friction")
-    with pytest.raises(ModelError, match="RotationalDamper has a Rotational flange, the place is Translational"):
+    with pytest.raises(ModelError, match=r"RotationalDamper has a Rotational flange, the place is Translational"):
         model.insert("carriage", RotationalDamper())
-    with pytest.raises(ModelError, match="name one flange: 'screw.flange_a' or 'screw.flange_b'"):
+    with pytest.raises(ModelError, match=r"name one flange: 'screw.flange_a' or 'screw.flange_b'"):
         model.insert("screw", Mass())
-    with pytest.raises(ModelError, match="input 'F' is its variable 'motor.f'; point the input elsewhere first"):
+    with pytest.raises(ModelError, match=r"input 'F' is its variable 'motor.f'; point the input elsewhere first"):
         model.without("motor")
-    with pytest.raises(ModelError, match="output 'x' is its variable 'encoder.s'"):
+    with pytest.raises(ModelError, match=r"output 'x' is its variable 'encoder.s'"):
         model.without("encoder")
-    with pytest.raises(ModelError, match="'screw.flange_a' is no connector of Mass 'screw'"):
+    with pytest.raises(ModelError, match=r"'screw.flange_a' is no connector of Mass 'screw'"):
         model.replace("screw", Mass())
-    with pytest.raises(ModelError, match="no component 'spindle'"):
+    with pytest.raises(ModelError, match=r"no component 'spindle'"):
         model.without("spindle")
 
 

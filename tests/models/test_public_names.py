@@ -6,8 +6,8 @@ import sys
 import backsight.models as models
 from backsight.models.mechanics import planar, rotational, translational
 
-NAMES = """BacksightError Component Connector Dae Equation EquationInfo InputError Model ModelError Output Pair Parameter ParameterInfo Place
-Planar Quantity Rotational SolveError Trajectory Translational Variable balance compile_model equal equations_text law simulate"""
+NAMES = """BacksightError Component Connector Dae Equation EquationInfo InputError Model ModelError Output Pair Parameter ParameterInfo
+Place Planar Quantity Rotational SolveError Trajectory Translational Variable balance compile_model equal equations_text law simulate"""
 
 
 def test_the_public_names_are_these_and_exist() -> None:
@@ -24,9 +24,9 @@ def test_every_component_says_what_it_is() -> None:
     ]
     assert len(components) >= 27
     for component in components:
-        assert component.__doc__ and "Connectors:" in component.__doc__ or "Base of" in (component.__doc__ or ""), component
+        assert (component.__doc__ and "Connectors:" in component.__doc__) or "Base of" in (component.__doc__ or ""), component
         for parameter in component.declared_parameters.values():
-            assert parameter.unit and parameter.description, component
+            assert all((parameter.unit, parameter.description)), component
         assert not component.declared_parameters or "Parameters:" in (component.__doc__ or ""), component
 
 

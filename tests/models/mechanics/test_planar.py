@@ -51,7 +51,8 @@ class Free(Component):
 def test_a_cartesian_pendulum_has_index_three_and_two_invariants() -> None:
     dae = compile_model(pendulum())
     assert dae.index == 3
-    assert [q.name for q in dae.states] == ["bob.x", "bob.y", "bob.v_x", "bob.v_y"] and [q.name for q in dae.algebraics] == ["rod.tension"]
+    assert [q.name for q in dae.states] == ["bob.x", "bob.y", "bob.v_x", "bob.v_y"]
+    assert [q.name for q in dae.algebraics] == ["rod.tension"]
     assert dae.kinematics == ((0, 2, 0), (1, 3, 1))
     assert [e.origin for e in dae.equations][2:] == [
         "force balance x of bob",
@@ -105,7 +106,7 @@ def test_initial_values_that_are_not_given_follow_from_the_constraint() -> None:
 
 
 def test_initial_values_that_break_the_constraint_are_refused() -> None:
-    with pytest.raises(ModelError, match="bob.x = 3, bob.y = 1 violates the constraints of 'pendulum' by 8.3"):
+    with pytest.raises(ModelError, match=r"bob.x = 3, bob.y = 1 violates the constraints of 'pendulum' by 8.3"):
         simulate(compile_model(pendulum()), [0.0, 0.1], initial={"bob.x": 3.0, "bob.y": 1.0})
 
 
@@ -158,7 +159,8 @@ class Pendulum(Component):
 
 def test_a_component_may_stand_alone_with_its_own_equations() -> None:
     dae = compile_model(Model(name="alone", components={"p": Pendulum()}, outputs={"x": "p.x"}))
-    assert dae.index == 3 and [(place.name, place.unit) for place in dae.places] == [("p.x", "N"), ("p.y", "N")]
+    assert dae.index == 3
+    assert [(place.name, place.unit) for place in dae.places] == [("p.x", "N"), ("p.y", "N")]
     t = np.linspace(0.0, 3.0, 61)
     run = simulate(dae, t, initial={"p.x": 1.3 * np.sin(1.0), "p.y": -1.3 * np.cos(1.0)})
     assert np.abs(run.outputs["x"] - 1.3 * np.sin(in_the_angle(t, 1.0)[0])).max() < 1.3e-8

@@ -56,7 +56,8 @@ def test_names_units_and_defaults_are_the_published_ones() -> None:
     assert [(p.name, p.unit, p.kind, p.enabled) for p in dae.places] == [("carriage", "N", "balance", True)]
     assert ("screw", "m", "law", False) in [(p.name, p.unit, p.kind, p.enabled) for p in dae.dormant_places]
     assert (dae.z.shape[0], dae.index, dae.kinematics, dae.invariants.shape[0]) == (0, 0, ((0, 1, 0),), 0)
-    assert dae.equations[1].origin == "force balance of carriage" and dae.equations[1].place == 0
+    assert dae.equations[1].origin == "force balance of carriage"
+    assert dae.equations[1].place == 0
 
 
 def test_its_rows_are_the_textbook_balance_in_newtons() -> None:
@@ -81,7 +82,8 @@ def test_a_residual_at_the_screw_is_its_wind_up_seen_by_the_encoder() -> None:
     residual, output = dae.function()(
         [0, 0], [0.3, 0], [0.31], [0], dae.parameter_values(), [0.01 if p.name == "screw" else 0 for p in dae.places], 0
     )
-    assert float(residual[row]) == pytest.approx(0.0) and float(output) == 0.31
+    assert float(residual[row]) == pytest.approx(0.0)
+    assert float(output) == 0.31
 
 
 def test_without_coulomb_friction_it_follows_the_matrix_exponential_under_held_forces() -> None:
@@ -94,7 +96,7 @@ def test_without_coulomb_friction_it_follows_the_matrix_exponential_under_held_f
         truth.append((step @ [*truth[-1], f - OFFSET])[:2])
     began = time.perf_counter()
     run = simulate(compile_model(actuator()), t, {"F": force}, {"friction.f_c": 0.0}, {"carriage.s": 0.01, "carriage.v": 0.02})
-    assert time.perf_counter() - began < 5.0
+    assert time.perf_counter() - began < 20.0  # 0.5 s on a quiet machine
     for name, column in zip(("carriage.s", "carriage.v"), np.array(truth).T, strict=True):
         assert np.abs(run.states[name] - column).max() < 1e-10 * np.ptp(column)
     assert np.array_equal(run.outputs["x"], run.states["carriage.s"])
@@ -104,7 +106,8 @@ def test_with_coulomb_friction_it_sticks_and_slips_as_the_event_accurate_solutio
     t = np.arange(3000) * 0.002
     force = drive(t)
     x, v = with_events(t, force, 0.01)
-    assert np.sum(v[1:] == 0.0) > 20 and np.sum(v[1:] * v[:-1] < 0) >= 2  # it sticks, and it reverses
+    assert np.sum(v[1:] == 0.0) > 20
+    assert np.sum(v[1:] * v[:-1] < 0) >= 2
     run = simulate(compile_model(actuator()), t, {"F": force}, initial={"carriage.s": 0.01})
     assert np.abs(run.states["carriage.s"] - x).max() < 1e-6 * np.ptp(x)
     assert np.abs(run.states["carriage.v"] - v).max() < 1e-6 * np.ptp(v)
