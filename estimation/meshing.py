@@ -25,10 +25,15 @@ UNFELT = 0.02  # of what all samples together resolve: residual forces that move
 
 @dataclass(frozen=True, kw_only=True)
 class Meshed:
-    """Horizons on their meshes; rigid: whether the weights W leave the residual forces no room."""
+    """Horizons on their meshes; rigid: whether the weights W leave the residual forces no room.
+
+    least_std: place -> std of a residual force that moves some output by no more than all its samples together resolve: no smaller one can be
+    told from none.
+    """
 
     horizons: list[Horizon]
     rigid: bool
+    least_std: dict[int, float]
 
 
 def longest_step(problem: Problem) -> float:
@@ -46,7 +51,7 @@ def mesh(
     """
     soft = sorted(force_std)
     std = np.array([force_std[k] for k in soft])
-    horizons, rigid = [], bool(soft)
+    horizons, rigid, least = [], bool(soft), np.full(len(soft), np.inf)
     for number, (recording, table) in enumerate(zip(problem.fitted, stds, strict=True)):
         horizon = followed.horizons[number]
         times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
@@ -56,7 +61,9 @@ def mesh(
         dt, rate = sampling_interval(recording), fastest_rate(places, std, density)
         span = float(recording.time[-1] - recording.time[0])
         resolved = np.sqrt(density / span)  # what the mean of all samples of an output tells
-        rigid_here = bool(np.all(driven_outputs(places, std, span) < UNFELT * resolved))
+        felt = np.max(driven_outputs(places, span) / resolved[:, None], axis=0)  # of a force of std one, over what can be felt
+        rigid_here = bool(np.all(felt * std < UNFELT))
+        least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
         longest = 1.0 if rigid_here else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.initial, step or own)
@@ -70,4 +77,4 @@ def mesh(
             made = split
         horizons.append(made)
         rigid &= rigid_here
-    return Meshed(horizons=horizons, rigid=rigid)
+    return Meshed(horizons=horizons, rigid=rigid, least_std={k: float(s) for k, s in zip(soft, least, strict=True) if np.isfinite(s)})

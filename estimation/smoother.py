@@ -76,7 +76,7 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
         return Solution(transcription=transcription, solver=solver, values=values, solved=solved)
 
     open_places = [k for k in transcription.soft if k not in given]
-    choice = choose_weights(solve, first, values, transcription, open_places, chosen_outputs, say)
+    choice = choose_weights(solve, first, values, transcription, open_places, chosen_outputs, meshed.least_std, say)
     return outcome(problem, choice, stds, build=build, seconds=time.perf_counter() - began - build)
 
 

@@ -5,13 +5,13 @@ With r the rows of one family (the moments of one place's balance, or one output
 
     s^2 = sum r^2 s^2 / sum (1 - l)
 
-is where the marginal likelihood is stationary (MacKay, Neural Computation 4, 1992). It is iterated from a loose start, a few
-solves warm-started from each other. A simple rule for a start: it supposes that what is left over is white.
+is where the marginal likelihood is stationary (MacKay, Neural Computation 4, 1992). It is iterated from a loose start by secant steps in
+log s, a few solves warm-started from each other. A simple rule for a start: it supposes that what is left over is white.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +24,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 ROUNDS = 8
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
 LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
-BOLDEST = 10.0  # largest factor of one round
+BOLDEST = 4.0  # times the fixed point's own step, at most
+FARTHEST = 30.0  # largest factor of one round
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,30 +47,32 @@ def choose_weights(
     transcription: Transcription,
     places: Collection[int],
     outputs: Collection[str],
+    least_std: Mapping[int, float],
     say: Callable[[str], None],
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
-    solve(decisions, values, to the full tolerance) -> Solution.
+    solve(decisions, values, to the full tolerance) -> Solution. least_std: place -> standard deviation below which nobody can tell: the
+    iteration goes no lower.
     """
     dae = transcription.dae
     open_forces = [i for i, k in enumerate(transcription.soft) if k in places]
     open_outputs = [i for i, q in enumerate(dae.outputs) if q.name in outputs]
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(len(dae.outputs))
+    lowest = [least_std.get(k, 0.0) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
     iterations, rounds, settled = 0, 0, True
     if open_forces or open_outputs:
         settled = False
+        families = [Family(_force_term(transcription), i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
+        families += [Family("samples", i, -np.inf) for i in open_outputs]
         for rounds in range(1, ROUNDS + 1):
             solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
             start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
             if not solution.solved.status.converged:
                 break
-            change = 0.0
-            for indices, factor, term in ((open_forces, force_factor, _force_term(transcription)), (open_outputs, output_factor, "samples")):
-                for i in indices:
-                    ratio = _ratio(solution, term, i)
-                    factor[i] *= ratio
-                    change = max(change, abs(np.log(ratio)))
+            change = max(family.step(solution) for family in families)
+            for family in families:
+                (output_factor if family.term == "samples" else force_factor)[family.row] = np.exp(family.log)
             say(f"weights from the data, round {rounds}: change {100 * np.expm1(change):.0f} %")
             if change < CLOSE:
                 settled = True
@@ -83,6 +86,27 @@ def choose_weights(
         settled=settled,
         iterations=iterations + solution.solved.iterations,
     )
+
+
+class Family:
+    """The standard deviation of one family of rows, as log of its factor on the first one, sought by secant steps."""
+
+    def __init__(self, term: str, row: int, lowest: float) -> None:
+        self.term, self.row, self.lowest, self.log = term, row, lowest, 0.0
+        self._last: tuple[float, float] | None = None
+
+    def step(self, solution: Solution) -> float:
+        """Move towards ratio = 1; returns the size of the move."""
+        wanted = float(np.log(_ratio(solution, self.term, self.row)))
+        move = wanted
+        if self._last is not None and self.log != self._last[0]:
+            slope = (wanted - self._last[1]) / (self.log - self._last[0])
+            # a slope of -1 is the fixed point's own step; towards 0 it converges ever slower, and the secant is bolder
+            move = -wanted / slope if slope < -1.0 / BOLDEST else wanted * BOLDEST
+        move = float(np.clip(move, -np.log(FARTHEST), np.log(FARTHEST)))
+        before, self._last = self.log, (self.log, wanted)
+        self.log = max(self.log + move, self.lowest)
+        return abs(self.log - before)
 
 
 def _force_term(transcription: Transcription) -> str:
@@ -106,4 +130,4 @@ def _ratio(solution: Solution, term: str, i: int) -> float:
     squares = float(np.sum(solution.rows[number][i][there] ** 2))
     freedom = float(np.sum(1.0 - (solution.leverage(number)[i] * scale**2)[there]))
     freedom = max(freedom, LEAST_FREEDOM * np.count_nonzero(there))
-    return float(np.clip(np.sqrt(squares / freedom), 1 / BOLDEST, BOLDEST))
+    return float(np.sqrt(max(squares, 1e-12 * freedom) / freedom))

@@ -31,7 +31,8 @@ class Block:
         kinds = interpolation.values(term.tau, steps[term.interval])
         ell, theta, p = ca.SX.sym("l", self.local), ca.SX.sym("theta", self.free), ca.SX.sym("p", term.function.size1_in(1))
         basis, data = ca.SX.sym("T", len(kinds)), ca.SX.sym("d", term.data.shape[0])
-        values = ca.SX.zeros(interpolation.rows)
+        base = ca.SX.sym("v", interpolation.rows)
+        values = ca.SX(base)
         for entry, kind in zip(interpolation.entries, interpolation.kinds[1], strict=True):
             values[entry.row] += basis[kind] * ell[entry.column]
         merged = ca.SX(p)
@@ -39,9 +40,9 @@ class Block:
             merged[i] = theta[k]
         phi = term.function(values, merged, data)
         # what the function does not look at is not carried to its points
-        self._used = [_used(phi, s) for s in (ell, theta, p, basis, data)]
+        self._used = [_used(phi, s) for s in (ell, theta, p, basis, base, data)]
         self._basis = ca.MX(ca.DM(kinds[self._used[3]]))
-        arguments = [s[used] for s, used in zip((ell, theta, p, basis, data), self._used, strict=True)]
+        arguments = [s[used] for s, used in zip((ell, theta, p, basis, base, data), self._used, strict=True)]
         v, lam = ca.vertcat(ell, theta), ca.SX.sym("lam", phi.shape[0])
         jac, grad = ca.jacobian(phi, v), ca.jtimes(phi, v, lam, True)
         hess = ca.tril(ca.hessian(ca.dot(lam, phi), v)[0])
@@ -70,13 +71,13 @@ class Block:
 
     # ---- between points, rows, intervals and decisions
 
-    def arguments(self, c: Any, theta: Any, parameters: Any, data: Any) -> list[Any]:
-        """What the mapped functions take at every point: local unknowns, parameters, basis and data, as far as they are used."""
-        ell, free, fixed, _, rows = self._used
+    def arguments(self, c: Any, theta: Any, parameters: Any, base: Any, data: Any) -> list[Any]:
+        """What the mapped functions take at every point, as far as it is used: local unknowns, parameters, basis, reference and data."""
+        ell, free, fixed, _, known, rows = self._used
         where = self.index[ell][:, self.term.interval].ravel(order="F").tolist()
         local = ca.reshape(c[where], len(ell), self.term.points)
         columns = [ca.repmat(vector[used], 1, self.term.points) for vector, used in ((theta, free), (parameters, fixed))]
-        return [local, *columns, self._basis, data[rows, :]]
+        return [local, *columns, self._basis, base[known, :], data[rows, :]]
 
     def gathered(self, of_points: Any) -> Any:
         """Sums over the points of every row."""

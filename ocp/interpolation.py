@@ -70,12 +70,15 @@ class Interpolation:
         return tuple(first), tuple(kind)
 
     def values(self, tau: Array, h: Array) -> Array:
-        """The different entries of T at M places, shape (len(kinds[0]), M); `h` is the length of each place's interval."""
-        return np.array([e.polynomial.deriv(e.order)(tau) * h ** float(e.power) for e in self.kinds[0]]).reshape(-1, len(tau))
+        """The different entries of T at M places, shape (len(kinds[0]), M), in the precision of `tau`; `h`: length of each place's interval."""
+        out = np.empty((len(self.kinds[0]), len(tau)), dtype=tau.dtype)
+        for row, e in zip(out, self.kinds[0], strict=True):
+            row[:] = e.polynomial.deriv(e.order)(tau) * h.astype(tau.dtype) ** e.power
+        return out
 
     def apply(self, values: Array, local: Array) -> Array:
         """[dx; x; z; w] at M places from `values` (as above) and local unknowns (local, M); shape (rows, M)."""
-        out = np.zeros((self.rows, values.shape[1]))
+        out = np.zeros((self.rows, values.shape[1]), dtype=values.dtype)
         for e, kind in zip(self.entries, self.kinds[1], strict=True):
             out[e.row] += values[kind] * local[e.column]
         return out

@@ -86,7 +86,7 @@ class Solver:
             "tol": self.options.tolerance,
             # where rounding of the cost stops the line search, the answer is as good as it gets
             "acceptable_tol": 1e3 * self.options.tolerance,
-            "acceptable_obj_change_tol": 1e-11,
+            "acceptable_obj_change_tol": 1e-8,
             "acceptable_iter": 1,
             "constr_viol_tol": 1e-8,
             "max_iter": max_iterations,
@@ -115,44 +115,51 @@ class Solver:
 
         Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: the first only.
         """
-        began, unit = time.perf_counter(), values.unit
-        x, multipliers, iterations, status, cost = start / unit, np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
+        began, decisions = time.perf_counter(), start
+        multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
         for gamma in (0.0, 1.0) if newton else (0.0,):
             solver = self._newton if gamma else self._gauss_newton
+            here = self.nlp.about(values, decisions)
             with _quiet():
                 answer = solver(
-                    x0=x, p=replace(values, gamma=gamma).packed(), lbx=lower / unit, ubx=upper / unit, lbg=0.0, ubg=0.0, lam_g0=multipliers
+                    x0=np.zeros(self.nlp.size),
+                    p=replace(here, gamma=gamma).packed(),
+                    lbx=here.scaled(lower),
+                    ubx=here.scaled(upper),
+                    lbg=0.0,
+                    ubg=0.0,
+                    lam_g0=multipliers,
                 )
             stats = solver.stats()
             iterations += int(stats["iter_count"])
             status = _STATUS.get(stats["return_status"], Status.NUMERICS)
-            candidate = np.asarray(answer["x"], dtype=np.float64).ravel()
-            if np.all(np.isfinite(candidate)):
-                x, cost = candidate, float(answer["f"])
+            X = np.asarray(answer["x"], dtype=np.float64).ravel()
+            if np.all(np.isfinite(X)):
+                decisions, cost = here.decisions(X), float(answer["f"])
                 multipliers = np.asarray(answer["lam_g"], dtype=np.float64).ravel()
             if progress is not None:
                 progress(f"{'Newton' if gamma else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
             if status.converged or status is Status.INTERRUPTED:
                 break
         return Solved(
-            decisions=x * unit, cost=cost, multipliers=multipliers, status=status, iterations=iterations, seconds=time.perf_counter() - began
+            decisions=decisions, cost=cost, multipliers=multipliers, status=status, iterations=iterations, seconds=time.perf_counter() - began
         )
 
     def hessian(self, decisions: Array, values: Values, multipliers: Array | None = None) -> tuple[sp.csc_matrix, sp.csc_matrix]:
         """Upper triangle of the Hessian and the Jacobian of the constraints, in the program's units."""
-        a, x, p = self.nlp.assembled, decisions / values.unit, values.packed()
+        a, x, p = self.nlp.assembled, values.scaled(decisions), values.packed()
         lam = np.zeros(self.nlp.constraint_count) if multipliers is None else multipliers
         return _sparse(a.hess(x, p, 1.0, lam)), _sparse(a.jac(x, p)[1])
 
     def rows(self, decisions: Array, values: Values) -> list[Array]:
         """The rows r = (m - target) * scale of every term, each (m, R)."""
-        out = self.nlp.assembled.rows(decisions / values.unit, values.packed())
+        out = self.nlp.assembled.rows(values.scaled(decisions), values.packed())
         return [np.asarray(r, dtype=np.float64) for r in (out if isinstance(out, tuple) else (out,))]
 
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
         """Derivative of term `number`'s gathered values m (not scaled) in the local unknowns and parameters, (R, m, local + np)."""
         a, term = self.nlp.assembled, self.nlp.terms[number]
-        out = a.jacobians(decisions / values.unit, values.packed())
+        out = a.jacobians(values.scaled(decisions), values.packed())
         nonzeros = np.asarray(out[number] if isinstance(out, tuple) else out, dtype=np.float64)
         dense = np.zeros((term.rows, term.target.shape[0], self.nlp.interpolation.local + len(self.nlp.free)))
         rows, columns = a.patterns[number]

@@ -71,21 +71,23 @@ def fastest_rate(linear: Linear, force_std: Array, sample_density: Array) -> flo
     return float(np.median(np.abs(np.linalg.eigvals(hamiltonian)).max(axis=1))) if len(hamiltonian) else 0.0
 
 
-def driven_outputs(linear: Linear, force_std: Array, duration: float) -> Array:
-    """Standard deviation that the residual forces alone give the outputs after `duration` [s], median over the places; (ny,).
+def driven_outputs(linear: Linear, duration: float) -> Array:
+    """Standard deviation of the outputs after `duration` [s] when one residual force of std one drives the plant from rest, (ny, n_soft).
 
-    x' = A x + G w from rest: P(T) = int_0^T e^(A s) G Q G' e^(A' s) ds (Van Loan, IEEE Trans. Automatic Control 23, 1978).
+    x' = A x + G w: P(T) = int_0^T e^(A s) G G' e^(A' s) ds (Van Loan, IEEE Trans. Automatic Control 23, 1978). Median over the places.
     """
-    Q, nx = np.diag(force_std**2), linear.A.shape[1]
+    nx, count = linear.A.shape[1], linear.G.shape[2]
     out = []
     for A, G, C in zip(linear.A, linear.G, linear.C, strict=True):
-        # A place that is unstable would overflow; what it does in ten of its time constants is enough to know.
+        # an unstable place would overflow; what it does in ten of its time constants is enough to know, and so is a stiff one's steady state
         span = min(duration, 10.0 / max(1e-12, float(np.linalg.eigvals(A).real.max(initial=0.0))))
-        stiff = float(np.abs(A).max(initial=0.0)) * span
-        span = span if stiff < 300.0 else span * 300.0 / stiff
-        block = scipy.linalg.expm(np.block([[-A, G @ Q @ G.T], [np.zeros((nx, nx)), A.T]]) * span)
-        P = block[nx:, nx:].T @ block[:nx, nx:]
-        out.append(np.sqrt(np.maximum(np.diag(C @ P @ C.T), 0.0)))
+        span = min(span, 300.0 / max(1e-12, float(np.abs(A).max(initial=0.0))))
+        columns = []
+        for g in G.T:
+            block = scipy.linalg.expm(np.block([[-A, np.outer(g, g)], [np.zeros((nx, nx)), A.T]]) * span)
+            P = block[nx:, nx:].T @ block[:nx, nx:]
+            columns.append(np.sqrt(np.maximum(np.diag(C @ P @ C.T), 0.0)))
+        out.append(np.array(columns).reshape(count, len(C)).T)
     return np.asarray(np.median(out, axis=0), dtype=np.float64)
 
 

@@ -1,9 +1,12 @@
 """The nonlinear program: terms on a mesh, with gradient, Jacobian and Hessian assembled from small blocks.
 
-Decision vector X (each entry in units of `unit`, so that a solver sees numbers of order one):
+Decision vector X: the unknowns less a reference, each in its own unit, so that a solver sees numbers of order one:
 
-    X = [ x(t_0) | interior_0 | x(t_1) | interior_1 | ... | x(t_N) |  (the next horizon) ...  | p_free ]
-                 n unknowns of the trajectories, in time order                                   np
+    reference + unit * X = [ x(t_0) | interior_0 | x(t_1) | interior_1 | ... | x(t_N) |  (the next horizon) ...  | p_free ]
+                             n unknowns of the trajectories, in time order                                   np
+
+What the reference trajectory is at every point is computed once, in extended precision. Without that an acceleration would be the difference
+of two positions of full size over h^2, and the rounding of a stiffly weighted balance would drown the last steps of a solve.
 
 Constraint vector g: the equality terms one after the other, each column by column (interval by interval).
 
@@ -16,7 +19,7 @@ The Hessian is  sum J'J + gamma * sum r . d2r + gamma * sum lambda . d2g:  gamma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -37,20 +40,32 @@ class Values:
     """The numbers of a program that may change without building it anew.
 
     parameters (np_all,): every model parameter; free ones are overwritten by the decision vector.
-    data, target, scale: one array per term, shaped as in `Term`. unit (n + np,): unit of every decision. gamma: see above.
+    data, target, scale: one array per term, shaped as in `Term`. reference, unit (n + np,): decisions = reference + unit * X.
+    base: per term, [dx; x; z; w] of the reference at its points, (rows of T, M). gamma: see above.
     """
 
     parameters: Array
     data: tuple[Array, ...]
     target: tuple[Array, ...]
     scale: tuple[Array, ...]
+    reference: Array
     unit: Array
+    base: tuple[Array, ...]
+    free: int
     gamma: float = 1.0
+
+    def scaled(self, decisions: Array) -> Array:
+        """X of decisions in the units of the model."""
+        return (decisions - self.reference) / self.unit
+
+    def decisions(self, X: Array) -> Array:
+        """Decisions in the units of the model."""
+        return np.asarray(self.reference + self.unit * X, dtype=np.float64)
 
     def packed(self) -> Array:
         """One vector, the program's `p`."""
-        arrays = [self.parameters, self.unit, np.array([self.gamma])]
-        for term in zip(self.data, self.target, self.scale, strict=True):
+        arrays = [self.parameters, self.reference[self.reference.size - self.free :], self.unit, np.array([self.gamma])]
+        for term in zip(self.base, self.data, self.target, self.scale, strict=True):
             arrays += [a.ravel(order="F") for a in term]
         return np.concatenate(arrays)
 
@@ -97,9 +112,24 @@ class Nlp:
             data=tuple(t.data for t in self.terms),
             target=tuple(t.target for t in self.terms),
             scale=tuple(t.scale for t in self.terms),
+            reference=np.zeros(self.size),
             unit=np.ones(self.size),
+            base=tuple(np.zeros((self.interpolation.rows, t.points)) for t in self.terms),
+            free=len(self.free),
             gamma=gamma,
         )
+
+    def about(self, values: Values, decisions: Array) -> Values:
+        """The same numbers with the decisions measured from these, (n + np,)."""
+        local = decisions[: self.trajectory_size].astype(np.longdouble)[self.index]
+        base = tuple(
+            self.interpolation.apply(basis, local[:, t.interval]).astype(np.float64) for t, basis in zip(self.terms, self._long_basis, strict=True)
+        )
+        return replace(values, reference=np.array(decisions), base=base)
+
+    @cached_property
+    def _long_basis(self) -> tuple[NDArray[np.longdouble], ...]:
+        return tuple(self.interpolation.values(t.tau.astype(np.longdouble), self.steps[t.interval]) for t in self.terms)
 
     def local(self, trajectory: Array) -> Array:
         """Local unknowns of every interval from the trajectory unknowns (n,), shape (local, N)."""
@@ -128,15 +158,15 @@ class Assembled:
 def _assemble(nlp: Nlp) -> Assembled:
     n, size = nlp.trajectory_size, nlp.size
     X, lam_f, lam_g = ca.MX.sym("X", size), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
-    p, (parameters, unit, gamma, numbers) = _symbols(nlp)
-    full = unit * X
-    c, theta = full[:n], full[n:]
+    p, (parameters, theta_0, unit, gamma, numbers) = _symbols(nlp)
+    step = unit * X
+    c, theta = step[:n], theta_0 + step[n:]
     f, gradient = ca.MX(0), ca.MX.zeros(size)
     rows, jacobians, patterns, constraints, offset = [], [], [], [], 0
     hessian, jacobian = Scatter(), Scatter()
-    for term, (data, target, scale) in zip(nlp.terms, numbers, strict=True):
+    for term, (base, data, target, scale) in zip(nlp.terms, numbers, strict=True):
         block = Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term)
-        arguments = block.arguments(c, theta, parameters, data)
+        arguments = block.arguments(c, theta, parameters, base, data)
         r = (block.gathered(block.value(*arguments)) - target) * scale
         J = block.gathered(block.jacobian(*arguments))
         rows.append(r)
@@ -172,13 +202,13 @@ def _assemble(nlp: Nlp) -> Assembled:
     return Assembled(x=X, p=p, patterns=tuple(patterns), **{name: ca.Function(f"nlp_{name}", *parts) for name, parts in functions.items()})
 
 
-def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, list[tuple[Any, Any, Any]]]]:
+def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, Any, list[tuple[Any, Any, Any, Any]]]]:
     """The packed `p` of the program and its parts, in the order of `Values.packed`."""
-    shapes = [(nlp.parameter_count, 1), (nlp.size, 1), (1, 1)]
+    shapes = [(nlp.parameter_count, 1), (len(nlp.free), 1), (nlp.size, 1), (1, 1)]
     for term in nlp.terms:
-        shapes += [term.data.shape, term.target.shape, term.scale.shape]
+        shapes += [(nlp.interpolation.rows, term.points), term.data.shape, term.target.shape, term.scale.shape]
     sizes = [rows * columns for rows, columns in shapes]
     p = ca.MX.sym("p", sum(sizes))
     edges = np.cumsum([0, *sizes]).tolist()
     parts = [ca.reshape(p[a:b], *shape) for a, b, shape in zip(edges[:-1], edges[1:], shapes, strict=True)]
-    return p, (parts[0], parts[1], parts[2], list(zip(parts[3::3], parts[4::3], parts[5::3], strict=True)))
+    return p, (parts[0], parts[1], parts[2], parts[3], list(zip(*(parts[k::4] for k in range(4, 8)), strict=True)))

@@ -1,0 +1,119 @@
+"""Small models and horizons that several test files share; what is true of them is in `truths.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from backsight.models import Component, Dae, Equation, Model, Parameter, Translational, Variable, compile_model, equal, law
+from backsight.models.mechanics.translational import ConstantForce, Damper, Fixed, Force, Mass, PositionSensor, Spring, VelocitySensor
+from backsight.ocp import Horizon, Mesh
+
+M, D, K, OFFSET, LAG = 2.0, 1.5, 50.0, 0.7, 0.05
+HARDENING, COULOMB, WIDTH = 0.3, 0.8, 0.2
+
+
+class LaggedForce(Component):
+    """An actuator of first order.   T f' = u - f, which holds exactly: it carries no residual."""
+
+    u = Variable("N")
+    f = Variable("N", state=True)
+    flange = Translational()
+    T = Parameter("s", LAG, min=1e-3)
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"lag": equal(c.T * c.der(c.f), c.u - c.f), "push": equal(c.flange.f, -c.f)}
+
+
+class StiffeningSpring(Component):
+    """A spring whose deflection z is an implicit function of s.   z + a z^3 = s,  f = k z"""
+
+    z = Variable("m")
+    flange = Translational()
+    k = Parameter("N/m", K, min=0.0)
+    a = Parameter("1/m2", HARDENING, min=0.0)
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"deflection": equal(c.z + c.a * c.z**3, c.flange.s), "stiffness": law(c.flange.f, c.k * c.z)}
+
+
+class RoundedFriction(Component):
+    """Coulomb friction, rounded so widely that every scheme can follow it.   f = f_c tanh(v / width)"""
+
+    v = Variable("m/s")
+    flange = Translational()
+    f_c = Parameter("N", COULOMB, min=0.0)
+    width = Parameter("m/s", WIDTH, min=1e-6)
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"velocity": equal(c.v, c.der(c.flange.s)), "friction": law(c.flange.f, c.f_c * ca.tanh(c.v / c.width))}
+
+
+def _on_mass(name: str, drive: Component, spring: Component, outputs: dict[str, str], extra: dict[str, Component] | None = None) -> Model:
+    """A mass with what is named, at the ground; the two-flanged elements are fixed there by flange_b."""
+    parts = {
+        "motor": drive,
+        "mass": Mass(m=M),
+        "spring": spring,
+        "damper": Damper(d=D),
+        "offset": ConstantForce(f=OFFSET),
+        "sensor": PositionSensor(),
+        "speed": VelocitySensor(),
+        "ground": Fixed(),
+        **(extra or {}),
+    }
+    connections = []
+    for part, component in parts.items():
+        if "flange_a" in component.declared_connectors:
+            connections += [(f"{part}.flange_a", "mass.flange"), (f"{part}.flange_b", "ground.flange")]
+        elif part not in ("mass", "ground"):
+            connections.append((f"{part}.flange", "mass.flange"))
+    drive_variable = "motor.u" if isinstance(drive, LaggedForce) else "motor.f"
+    return Model(name=name, components=parts, connections=connections, inputs={"F": drive_variable}, outputs=outputs)
+
+
+def oscillator() -> Model:
+    """m v' = F - d v - k s - offset, position measured: linear, with places at the mass and nothing else."""
+    return _on_mass("oscillator", Force(), Spring(k=K), {"x": "sensor.s"})
+
+
+def lagged() -> Model:
+    """The oscillator behind an actuator of first order, position and velocity measured: one equation is exact whatever the weights."""
+    return _on_mass("lagged", LaggedForce(), Spring(k=K), {"x": "sensor.s", "v": "speed.v"})
+
+
+def stiffening() -> Model:
+    """Actuator lag, an algebraic deflection, rounded friction: nonlinear, position and velocity measured."""
+    return _on_mass("stiffening", LaggedForce(), StiffeningSpring(), {"x": "sensor.s", "v": "speed.v"}, {"friction": RoundedFriction()})
+
+
+def compiled(model: Model) -> Dae:
+    return compile_model(model)
+
+
+def number(dae: Dae, *names: str) -> tuple[int, ...]:
+    """Indices of parameters by name."""
+    return tuple([p.name for p in dae.parameters].index(name) for name in names)
+
+
+def random_horizon(dae: Dae, seed: int, *, intervals: int = 4, samples: int = 11, known: bool = False, hold: str = "zero") -> Horizon:
+    """Jittered samples with some of them missing, random held inputs, knots that fall where they like."""
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.uniform(0.01, 0.03, samples))
+    inner = np.sort(rng.uniform(time[0] + 0.005, time[-1] - 0.005, intervals - 1))
+    knots = np.concatenate([[time[0]], inner, [time[-1]]])
+    target = rng.normal(size=(samples, len(dae.outputs)))
+    target[rng.uniform(size=target.shape) < 0.2] = np.nan
+    nx = len(dae.states)
+    return Horizon(
+        mesh=Mesh(knots),
+        time=time,
+        inputs=rng.normal(size=(samples, len(dae.inputs))),
+        target=target,
+        target_std=rng.uniform(0.5, 2.0, target.shape),
+        initial=rng.normal(size=nx),
+        initial_std=np.where(np.arange(nx) == 0, 0.0, 0.5) if known else np.full(nx, np.inf),
+        hold=hold,  # type: ignore[arg-type]
+    )
