@@ -117,7 +117,7 @@ def _weighted(values: Values, transcription: Transcription, force_factor: Array,
     """The program's numbers with these standard deviations in place of the first ones."""
     factors = {_force_term(transcription): force_factor, "samples": output_factor}
     scale = tuple(
-        s / factors[t.name][:, None] if t.name in factors else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
+        s / np.tile(factors[t.name], len(s) // len(factors[t.name]))[:, None] if t.name in factors else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
     )
     return replace(values, scale=scale)
 
@@ -125,9 +125,10 @@ def _weighted(values: Values, transcription: Transcription, force_factor: Array,
 def _ratio(solution: Solution, term: str, i: int) -> float:
     """Factor by which the standard deviation of family i of a term should change."""
     number = solution.term(term)
-    scale = solution.values.scale[number][i]
+    families = len(solution.transcription.dae.outputs) if term == "samples" else len(solution.transcription.soft)
+    scale = solution.values.scale[number][i::families]
     there = scale > 0
-    squares = float(np.sum(solution.rows[number][i][there] ** 2))
-    freedom = float(np.sum(1.0 - (solution.leverage(number)[i] * scale**2)[there]))
+    squares = float(np.sum(solution.rows[number][i::families][there] ** 2))
+    freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
     freedom = max(freedom, LEAST_FREEDOM * np.count_nonzero(there))
     return float(np.sqrt(max(squares, 1e-12 * freedom) / freedom))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -18,91 +20,102 @@ Index = NDArray[np.int64]
 
 
 class Block:
-    """One term's function in the unknowns it depends on, v = [l_i; theta], differentiated for one point and mapped over all.
+    """One term's column in the unknowns it depends on, v = [l_i; theta], differentiated for one column and mapped over all.
 
-    Matrices over points or rows are stored with one column per point (or row group); a small matrix stands in its column
-    by its nonzeros, whose places are `jacobian_rows/columns` and `hessian_rows/columns`.
+    A small matrix of every column stands in one column by its nonzeros, whose places are `jacobian_rows/columns`, ...
     """
 
     def __init__(self, interpolation: Interpolation, index: Index, steps: Array, free: Sequence[int], term: Term) -> None:
         self.term, self.index, self.intervals = term, index, index.shape[1]
-        self.local, self.free = interpolation.local, len(free)
-        self.trajectory_size = int(index.max()) + 1
-        kinds = interpolation.values(term.tau, steps[term.interval])
-        ell, theta, p = ca.SX.sym("l", self.local), ca.SX.sym("theta", self.free), ca.SX.sym("p", term.function.size1_in(1))
-        basis, data = ca.SX.sym("T", len(kinds)), ca.SX.sym("d", term.data.shape[0])
-        base = ca.SX.sym("v", interpolation.rows)
-        values = ca.SX(base)
-        for entry, kind in zip(interpolation.entries, interpolation.kinds[1], strict=True):
-            values[entry.row] += basis[kind] * ell[entry.column]
+        self.local, self.trajectory_size = interpolation.local, int(index.max()) + 1
+        ell, theta, p = ca.SX.sym("l", self.local), ca.SX.sym("theta", len(free)), ca.SX.sym("p", term.function.size1_in(1))
+        base, data = ca.SX.sym("v", interpolation.rows * term.places), ca.SX.sym("d", term.data.shape[0])
+        basis, numbers = _basis(interpolation, steps, term)
         merged = ca.SX(p)
         for k, i in enumerate(free):
             merged[i] = theta[k]
-        phi = term.function(values, merged, data)
-        # what the function does not look at is not carried to its points
-        self._used = [_used(phi, s) for s in (ell, theta, p, basis, base, data)]
-        self._basis = ca.MX(ca.DM(kinds[self._used[3]]))
-        arguments = [s[used] for s, used in zip((ell, theta, p, basis, base, data), self._used, strict=True)]
-        v, lam = ca.vertcat(ell, theta), ca.SX.sym("lam", phi.shape[0])
-        jac, grad = ca.jacobian(phi, v), ca.jtimes(phi, v, lam, True)
-        hess = ca.tril(ca.hessian(ca.dot(lam, phi), v)[0])
-        self.value = self._mapped("value", arguments, phi)
-        self.jacobian = self._mapped("jacobian", arguments, _nonzeros(jac))
-        self.adjoint = self._mapped("adjoint", [*arguments, lam], ca.densify(grad))
-        self.hessian = self._mapped("hessian", [*arguments, lam], _nonzeros(hess))
-        self.jacobian_rows, self.jacobian_columns = (np.array(a, dtype=np.int64) for a in jac.sparsity().get_triplet())
-        self.hessian_rows, self.hessian_columns = (np.array(a, dtype=np.int64) for a in hess.sparsity().get_triplet())
-        self.curved = hess.nnz() > 0
-        self._square()
+        phi = []
+        bases, datas = ca.vertsplit(base, interpolation.rows), ca.vertsplit(data, term.data.shape[0] // term.places)
+        for entries, known, d in zip(basis.entries, bases, datas, strict=True):
+            values = ca.SX(known)
+            for entry, value in zip(interpolation.entries, entries, strict=True):
+                values[entry.row] += value * ell[entry.column]
+            phi.append(term.function(values, merged, d))
+        column = ca.vertcat(*phi)
+        if term.moments is not None:
+            column = ca.vec(ca.horzcat(*phi) @ ca.DM(term.moments))
+        symbols = (ell, theta, p, basis.symbols, base, data)
+        # what the function does not look at is not carried to its columns
+        self._used = [_used(column, s) for s in symbols]
+        self._numbers = ca.MX(ca.DM(numbers[self._used[3]]))
+        self._arguments = [s[used] for s, used in zip(symbols, self._used, strict=True)]
+        v, self._lam = ca.vertcat(ell, theta), ca.SX.sym("lam", column.shape[0])
+        self._column, jac = column, ca.jacobian(column, v)
+        self._gradient = ca.densify(ca.jtimes(column, v, self._lam, True))
+        self._jacobian = jac
+        self._hessian = ca.tril(ca.hessian(ca.dot(self._lam, column), v)[0])
+        self.curved = self._hessian.nnz() > 0
+        self.jacobian_rows, self.jacobian_columns = _triplet(jac)
+        pattern = ca.Sparsity.triplet(*jac.shape, self.jacobian_rows.tolist(), self.jacobian_columns.tolist())
+        self._slots = ca.SX.sym("j", pattern.nnz())
+        J = ca.SX(pattern, self._slots)
+        self._square = ca.tril(J.T @ J)
+
+    # ---- mapped over all columns; arguments as `arguments` gives them
+
+    @cached_property
+    def value(self) -> Any:
+        """Values m, (K m, C)."""
+        return self._mapped("value", self._arguments, self._column)
+
+    @cached_property
+    def jacobian(self) -> Any:
+        """Nonzeros of the derivative of m in v."""
+        return self._mapped("jacobian", self._arguments, _nonzeros(self._jacobian))
+
+    @cached_property
+    def adjoint(self) -> Any:
+        """Gradient of lam . m in v; one more argument, lam (K m, C)."""
+        return self._mapped("adjoint", [*self._arguments, self._lam], self._gradient)
+
+    @cached_property
+    def hessian(self) -> Any:
+        """Nonzeros of the lower triangle of the Hessian of lam . m in v."""
+        return self._mapped("hessian", [*self._arguments, self._lam], _nonzeros(self._hessian))
+
+    @cached_property
+    def square(self) -> Any:
+        """Nonzeros of the lower triangle of J'J from the nonzeros of J."""
+        return self._mapped("square", [self._slots], _nonzeros(self._square))
 
     def _mapped(self, name: str, inputs: list[Any], output: Any) -> Any:
-        return ca.Function(name, inputs, [output], {"cse": True}).map(self.term.points)
+        return ca.Function(name, inputs, [output], {"cse": True}).map(self.term.columns)
 
-    def _square(self) -> None:
-        """J'J of one row group: its lower triangle's pattern and a mapped function from the nonzeros of J."""
-        pattern = ca.Sparsity.triplet(
-            self.term.target.shape[0], self.local + self.free, self.jacobian_rows.tolist(), self.jacobian_columns.tolist()
-        )
-        nonzeros = ca.SX.sym("j", pattern.nnz())
-        J = ca.SX(pattern, nonzeros)
-        square = ca.tril(J.T @ J)
-        self._gauss_newton = ca.Function("square", [nonzeros], [_nonzeros(square)]).map(self.term.rows)
-        self._square_rows, self._square_columns = (np.array(a, dtype=np.int64) for a in square.sparsity().get_triplet())
-
-    # ---- between points, rows, intervals and decisions
+    # ---- between columns, intervals and decisions
 
     def arguments(self, c: Any, theta: Any, parameters: Any, base: Any, data: Any) -> list[Any]:
-        """What the mapped functions take at every point, as far as it is used: local unknowns, parameters, basis, reference and data."""
+        """What the mapped functions take at every column, as far as it is used."""
         ell, free, fixed, _, known, rows = self._used
         where = self.index[ell][:, self.term.interval].ravel(order="F").tolist()
-        local = ca.reshape(c[where], len(ell), self.term.points)
-        columns = [ca.repmat(vector[used], 1, self.term.points) for vector, used in ((theta, free), (parameters, fixed))]
-        return [local, *columns, self._basis, base[known, :], data[rows, :]]
-
-    def gathered(self, of_points: Any) -> Any:
-        """Sums over the points of every row."""
-        return of_points if self.term.gather is None else of_points @ _constant(self.term.gather)
-
-    def scattered(self, of_rows: Any) -> Any:
-        """Every row's value at each of its points: the transpose of `gathered`."""
-        return of_rows if self.term.gather is None else of_rows @ _constant(self.term.gather.T)
+        local = ca.reshape(c[where], len(ell), self.term.columns)
+        repeated = [ca.repmat(vector[used], 1, self.term.columns) for vector, used in ((theta, free), (parameters, fixed))]
+        return [local, *repeated, self._numbers, _rows(base, known), _rows(data, rows)]
 
     def scaled(self, jacobian: Any, scale: Any) -> Any:
-        """Nonzeros of every row's Jacobian times that row's scale."""
-        return jacobian * scale[self.jacobian_rows.tolist(), :]
+        """Nonzeros of every column's Jacobian times its rows' scale."""
+        return jacobian * _rows(scale, self.jacobian_rows.tolist())
 
-    def gauss_newton(self, jacobian: Any) -> Any:
-        """Nonzeros of the sum of J'J over the rows of every interval."""
-        return self._gauss_newton(jacobian) @ _constant(_summation(self.term.row_interval, self.intervals))
+    def to_intervals(self, of_columns: Any) -> Any:
+        """Sums over the columns of every interval, (n, C) to (n, N)."""
+        owner = self.term.interval
+        if len(owner) == self.intervals and np.array_equal(owner, np.arange(self.intervals)):
+            return of_columns
+        ones = sp.csc_matrix((np.ones(len(owner)), (np.arange(len(owner)), owner)), shape=(len(owner), self.intervals))
+        return of_columns @ _constant(ones)
 
-    @property
-    def points_to_intervals(self) -> Any:
-        """(M, N) matrix of ones that sums over the points of every interval."""
-        return _constant(_summation(self.term.interval, self.intervals))
-
-    def to_decisions(self, of_points: Any) -> Any:
-        """Gradient (n + np,) from the gradients of every point, (local + np, M)."""
-        of_intervals = of_points @ self.points_to_intervals
+    def to_decisions(self, of_columns: Any) -> Any:
+        """Gradient (n + np,) from the gradients of every column, (local + np, C)."""
+        of_intervals = self.to_intervals(of_columns)
         where = sp.csc_matrix(
             (np.ones(self.index.size), (self.index.ravel(order="F"), np.arange(self.index.size))), shape=(self.trajectory_size, self.index.size)
         )
@@ -119,20 +132,23 @@ class Block:
         return out
 
     def hessian_entries(self) -> tuple[Index, Index]:
-        """Row and column of every nonzero of every interval's block."""
-        every = np.arange(self.intervals)
-        return self._decision(self.hessian_rows, every), self._decision(self.hessian_columns, every)
+        """Row and column of every nonzero of every interval's Hessian."""
+        return self._entries(self._hessian)
 
     def square_entries(self) -> tuple[Index, Index]:
         """The same for the Gauss-Newton blocks."""
+        return self._entries(self._square)
+
+    def _entries(self, small: Any) -> tuple[Index, Index]:
+        rows, columns = _triplet(small)
         every = np.arange(self.intervals)
-        return self._decision(self._square_rows, every), self._decision(self._square_columns, every)
+        return self._decision(rows, every), self._decision(columns, every)
 
     def jacobian_entries(self, offset: int) -> tuple[Index, Index]:
-        """Constraint and decision index of every nonzero of every row group."""
+        """Constraint and decision index of every nonzero of every column's Jacobian."""
         m, count = self.term.target.shape
         rows = offset + self.jacobian_rows[:, None] + m * np.arange(count)[None, :]
-        return rows, self._decision(self.jacobian_columns, self.term.row_interval)
+        return rows, self._decision(self.jacobian_columns, self.term.interval)
 
 
 class Scatter:
@@ -171,18 +187,44 @@ class Scatter:
         return ca.MX(ca.Sparsity(rows, columns, colind.tolist(), row.tolist()), total)
 
 
+@dataclass(frozen=True)
+class _Basis:
+    """Symbols that every column fills with numbers of its own, and the entries of T at every place in terms of them."""
+
+    symbols: Any
+    entries: list[list[Any]]
+
+
+def _basis(interpolation: Interpolation, steps: Array, term: Term) -> tuple[_Basis, Array]:
+    """At nodes the polynomials are constants and only the interval's length differs; elsewhere every entry does."""
+    h = steps[term.interval]
+    if term.nodes is None:
+        numbers = interpolation.values(term.all_places()[1], h)
+        symbols = ca.SX.sym("T", len(numbers))
+        return _Basis(symbols, [[symbols[kind] for kind in interpolation.kinds[1]]]), numbers
+    length = ca.SX.sym("h")
+    entries = [
+        [float(e.polynomial.deriv(e.order)(tau)) * length**e.power for e in interpolation.entries] for tau in np.asarray(term.nodes, dtype=np.float64)
+    ]
+    return _Basis(length, entries), h[None, :]
+
+
 def _used(expression: Any, symbols: Any) -> list[int]:
     """Which of the symbols an expression depends on."""
-    pattern = ca.jacobian_sparsity(expression, symbols)
-    return sorted(set(pattern.get_col()))
+    return sorted(set(ca.jacobian_sparsity(expression, symbols).get_col()))
+
+
+def _rows(matrix: Any, rows: list[int]) -> Any:
+    return matrix if rows == list(range(matrix.shape[0])) else matrix[rows, :]
+
+
+def _triplet(matrix: Any) -> tuple[Index, Index]:
+    rows, columns = matrix.sparsity().get_triplet()
+    return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
 
 
 def _nonzeros(matrix: Any) -> Any:
     return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
-
-
-def _summation(group: Index, groups: int) -> sp.csc_matrix:
-    return sp.csc_matrix((np.ones(len(group)), (np.arange(len(group)), group)), shape=(len(group), groups))
 
 
 def _constant(matrix: Any) -> Any:

@@ -18,7 +18,7 @@ from backsight.models import Dae
 from .interpolation import Interpolation, collocation_interpolation
 from .pieces import Pieces
 from .polynomials import Array, radau, radau_weights
-from .terms import Term
+from .terms import Term, stacked
 
 
 def interpolation(dae: Dae, degree: int, forces: int) -> Interpolation:
@@ -30,15 +30,13 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     """All equations at the Radau points (constraints) and the residual forces there (cost)."""
     dae, steps, places = pieces.dae, pieces.steps(), radau(degree)
     count = len(steps)
-    interval, tau = np.repeat(np.arange(count), degree), np.tile(places, count)
-    data = np.hstack([h.point_data(degree, places) for h in pieces.horizons])
-    zero = np.zeros((dae.residual.shape[0], count * degree))
-    common = {"interval": interval, "tau": tau, "data": data}
+    data = stacked(np.hstack([h.point_data(degree, places) for h in pieces.horizons]), count)
+    zero = np.zeros((degree * dae.residual.shape[0], count))
+    common = {"interval": np.arange(count), "nodes": places, "data": data}
     terms = [Term(name="equations", function=pieces.function("equations", dae.residual), target=zero, scale=zero + 1, equality=True, **common)]
     if len(std):
-        weight = np.sqrt(np.tile(radau_weights(degree), count) * steps[interval])
+        weight = np.sqrt(radau_weights(degree)[:, None] * steps)
         forces = pieces.function("forces", pieces.dae.w[list(pieces.soft)])
-        terms.append(
-            Term(name="residual forces", function=forces, target=np.zeros((len(std), count * degree)), scale=weight / std[:, None], **common)
-        )
+        scale = (weight[:, None, :] / std[:, None]).reshape(-1, count)
+        terms.append(Term(name="residual forces", function=forces, target=np.zeros(scale.shape), scale=scale, **common))
     return terms

@@ -71,7 +71,7 @@ def arrange(nlp: Nlp) -> Places:
     blocks, places = [block], [place]
     for term in nlp.terms:
         if term.equality:
-            m, owner = term.target.shape[0], term.row_interval
+            m, owner = term.target.shape[0], term.interval
             order = np.argsort(owner, kind="stable")
             rank = np.empty_like(order)
             rank[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])

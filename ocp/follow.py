@@ -104,18 +104,16 @@ def _roughness(pieces: Pieces, degree: int, horizons: Sequence[Horizon]) -> Term
     rows = [i for i in range(dae.x.shape[0]) if i not in positions]
     places, weights = gauss(degree)
     steps = pieces.steps()
-    interval = np.repeat(np.arange(len(steps)), degree)
     span = max(float(h.time[-1] - h.time[0]) for h in horizons)
-    nominal = np.array([dae.states[i].nominal for i in rows])
-    scale = np.sqrt(np.tile(weights, len(steps)) * steps[interval]) / (nominal[:, None] / span)
+    unit = np.concatenate([[dae.states[i].nominal / span for i in rows], np.ones(dae.z.shape[0])])
+    scale = (np.sqrt(weights[:, None] * steps)[:, None, :] / unit[:, None]).reshape(-1, len(steps))
     expression = ca.vertcat(*(dae.dx[i] for i in rows), *(dae.z[i] for i in range(dae.z.shape[0])))
-    scale = np.vstack([scale, np.ones((dae.z.shape[0], len(interval)))])
     return Term(
         name="roughness",
         function=pieces.function("roughness", expression),
-        interval=interval,
-        tau=np.tile(places, len(steps)),
-        data=np.zeros((dae.u.shape[0] + 1, len(interval))),
+        interval=np.arange(len(steps)),
+        nodes=places,
+        data=np.zeros((degree * (dae.u.shape[0] + 1), len(steps))),
         target=np.zeros(scale.shape),
         scale=scale,
     )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Forces:
-    """w(tau) in interval i. Splines: w = sum_j m_j L_j(tau)/sqrt(h) from the moments m_j; collocation: the unknowns at the Radau points."""
+    """w(tau) in interval i. Splines: w = sum_j m_j L_j(tau) from the moments m_j; collocation: the unknowns at the Radau points."""
 
     def __init__(self, solution: Solution) -> None:
         self._solution = solution
@@ -29,7 +29,7 @@ class Forces:
         """Values and variances, each (M, n_soft), at the places tau of the intervals (numbers over all horizons)."""
         if self._t.method == "collocation":
             return self._at_collocation(interval, tau)
-        weights = (legendre(self._t.degree, tau) / np.sqrt(self._steps[interval])).T
+        weights = legendre(self._t.degree, tau).T
         value = np.einsum("nki,nk->ni", self._moments[interval], weights)
         return value, np.einsum("nk,nikl,nl->ni", weights, self._covariance[interval], weights, optimize=True)
 
@@ -59,13 +59,13 @@ class Forces:
     def _moments(self) -> Array:
         """(N, K, n_soft)."""
         number = self._solution.term("balances")
-        gathered = self._solution.rows[number] / self._solution.values.scale[number]
-        return np.ascontiguousarray(gathered.reshape(len(self._t.soft), -1, self._t.degree).transpose(1, 2, 0))
+        m = self._solution.rows[number] / self._solution.values.scale[number]
+        return np.ascontiguousarray(m.reshape(self._t.degree, len(self._t.soft), -1).transpose(2, 0, 1))
 
     @cached_property
     def _covariance(self) -> Array:
         """Covariance of the K moments of every place in every interval, (N, n_soft, K, K)."""
         J = self._solution.jacobian_of_rows(self._solution.term("balances"))
         C = self._solution.interval_covariance
-        J = J.reshape(len(C), self._t.degree, *J.shape[1:])
+        J = J.reshape(len(C), self._t.degree, len(self._t.soft), -1)
         return np.einsum("nkmi,nij,nlmj->nmkl", J, C, J, optimize=True)

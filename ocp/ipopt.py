@@ -152,16 +152,16 @@ class Solver:
         return _sparse(a.hess(x, p, 1.0, lam)), _sparse(a.jac(x, p)[1])
 
     def rows(self, decisions: Array, values: Values) -> list[Array]:
-        """The rows r = (m - target) * scale of every term, each (m, R)."""
+        """The rows r = (m - target) * scale of every term, each (K m, C)."""
         out = self.nlp.assembled.rows(values.scaled(decisions), values.packed())
         return [np.asarray(r, dtype=np.float64) for r in (out if isinstance(out, tuple) else (out,))]
 
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
-        """Derivative of term `number`'s gathered values m (not scaled) in the local unknowns and parameters, (R, m, local + np)."""
+        """Derivative of term `number`'s values m (not scaled) in the local unknowns and parameters, (C, K m, local + np)."""
         a, term = self.nlp.assembled, self.nlp.terms[number]
         out = a.jacobians(values.scaled(decisions), values.packed())
         nonzeros = np.asarray(out[number] if isinstance(out, tuple) else out, dtype=np.float64)
-        dense = np.zeros((term.rows, term.target.shape[0], self.nlp.interpolation.local + len(self.nlp.free)))
+        dense = np.zeros((term.columns, term.target.shape[0], self.nlp.interpolation.local + len(self.nlp.free)))
         rows, columns = a.patterns[number]
         dense[:, rows, columns] = nonzeros.T
         return dense

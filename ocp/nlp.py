@@ -10,9 +10,9 @@ of two positions of full size over h^2, and the rounding of a stiffly weighted b
 
 Constraint vector g: the equality terms one after the other, each column by column (interval by interval).
 
-No derivative is taken of the whole program. Each term's function is differentiated once, symbolically, for one point;
-that small function is mapped over all points and its values are summed and scattered into the known sparsity. Work,
-memory and construction time are therefore linear in the number of points, and the sparsity is never searched.
+No derivative is taken of the whole program. Each term's function is differentiated once, symbolically, for one column;
+that small function is mapped over all columns and its values are summed and scattered into the known sparsity. Work,
+memory and construction time are therefore linear in the number of columns, and the sparsity is never searched.
 
 The Hessian is  sum J'J + gamma * sum r . d2r + gamma * sum lambda . d2g:  gamma = 0 is Gauss-Newton, gamma = 1 is exact.
 """
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from .interpolation import Interpolation
 from .polynomials import Array
 from .blocks import Block, Scatter
-from .terms import Term
+from .terms import Term, stacked
 
 Index = NDArray[np.int64]
 
@@ -41,7 +41,7 @@ class Values:
 
     parameters (np_all,): every model parameter; free ones are overwritten by the decision vector.
     data, target, scale: one array per term, shaped as in `Term`. reference, unit (n + np,): decisions = reference + unit * X.
-    base: per term, [dx; x; z; w] of the reference at its points, (rows of T, M). gamma: see above.
+    base: per term, [dx; x; z; w] of the reference at its places, (S * rows of T, C). gamma: see above.
     """
 
     parameters: Array
@@ -114,7 +114,7 @@ class Nlp:
             scale=tuple(t.scale for t in self.terms),
             reference=np.zeros(self.size),
             unit=np.ones(self.size),
-            base=tuple(np.zeros((self.interpolation.rows, t.points)) for t in self.terms),
+            base=tuple(np.zeros((self.interpolation.rows * t.places, t.columns)) for t in self.terms),
             free=len(self.free),
             gamma=gamma,
         )
@@ -122,14 +122,16 @@ class Nlp:
     def about(self, values: Values, decisions: Array) -> Values:
         """The same numbers with the decisions measured from these, (n + np,)."""
         local = decisions[: self.trajectory_size].astype(np.longdouble)[self.index]
-        base = tuple(
-            self.interpolation.apply(basis, local[:, t.interval]).astype(np.float64) for t, basis in zip(self.terms, self._long_basis, strict=True)
-        )
-        return replace(values, reference=np.array(decisions), base=base)
+        base = []
+        for term, basis in zip(self.terms, self._long_basis, strict=True):
+            interval, _ = term.all_places()
+            base.append(stacked(self.interpolation.apply(basis, local[:, interval]).astype(np.float64), term.columns))
+        return replace(values, reference=np.array(decisions), base=tuple(base))
 
     @cached_property
     def _long_basis(self) -> tuple[NDArray[np.longdouble], ...]:
-        return tuple(self.interpolation.values(t.tau.astype(np.longdouble), self.steps[t.interval]) for t in self.terms)
+        places = (t.all_places() for t in self.terms)
+        return tuple(self.interpolation.values(tau.astype(np.longdouble), self.steps[interval]) for interval, tau in places)
 
     def local(self, trajectory: Array) -> Array:
         """Local unknowns of every interval from the trajectory unknowns (n,), shape (local, N)."""
@@ -140,7 +142,7 @@ class Nlp:
 class Assembled:
     """f, grad, g, jac, hess of (X, p); for inspection the rows of every term and, unscaled, the nonzeros of their Jacobians.
 
-    patterns: (row, column) of these nonzeros in one row group's (m, local + np) matrix, per term.
+    patterns: (row, column) of these nonzeros in one column's (K m, local + np) matrix, per term.
     """
 
     x: Any
@@ -167,8 +169,8 @@ def _assemble(nlp: Nlp) -> Assembled:
     for term, (base, data, target, scale) in zip(nlp.terms, numbers, strict=True):
         block = Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term)
         arguments = block.arguments(c, theta, parameters, base, data)
-        r = (block.gathered(block.value(*arguments)) - target) * scale
-        J = block.gathered(block.jacobian(*arguments))
+        r = (block.value(*arguments) - target) * scale
+        J = block.jacobian(*arguments)
         rows.append(r)
         jacobians.append(J)
         patterns.append((block.jacobian_rows, block.jacobian_columns))
@@ -180,13 +182,11 @@ def _assemble(nlp: Nlp) -> Assembled:
         else:
             f += ca.sumsqr(r) / 2
             multiplier = r * scale
-            gradient += block.to_decisions(block.adjoint(*arguments, block.scattered(multiplier)))
+            gradient += block.to_decisions(block.adjoint(*arguments, multiplier))
             multiplier *= lam_f
-            squares = block.gauss_newton(block.scaled(J, scale))
-            hessian.add(*block.square_entries(), lam_f * squares)
+            hessian.add(*block.square_entries(), lam_f * block.to_intervals(block.square(block.scaled(J, scale))))
         if block.curved:
-            second = block.hessian(*arguments, block.scattered(multiplier))
-            hessian.add(*block.hessian_entries(), gamma * second @ block.points_to_intervals)
+            hessian.add(*block.hessian_entries(), gamma * block.to_intervals(block.hessian(*arguments, multiplier)))
     H = hessian.matrix(size, size, unit, unit)
     g = ca.vertcat(*constraints) if constraints else ca.MX(0, 1)
     jac = jacobian.matrix(offset, size, None, unit)
@@ -206,7 +206,7 @@ def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, Any, list[tuple[Any, A
     """The packed `p` of the program and its parts, in the order of `Values.packed`."""
     shapes = [(nlp.parameter_count, 1), (len(nlp.free), 1), (nlp.size, 1), (1, 1)]
     for term in nlp.terms:
-        shapes += [(nlp.interpolation.rows, term.points), term.data.shape, term.target.shape, term.scale.shape]
+        shapes += [(nlp.interpolation.rows * term.places, term.columns), term.data.shape, term.target.shape, term.scale.shape]
     sizes = [rows * columns for rows, columns in shapes]
     p = ca.MX.sym("p", sum(sizes))
     edges = np.cumsum([0, *sizes]).tolist()

@@ -87,13 +87,13 @@ class Solution:
         return [t.name for t in self.transcription.nlp.terms].index(name)
 
     def jacobian_of_rows(self, number: int) -> Array:
-        """Derivative of a term's gathered values in local unknowns and parameters, (R, m, local + np)."""
+        """Derivative of a term's values m in local unknowns and parameters, (C, K m, local + np)."""
         return self.solver.jacobian_of_rows(number, self.solved.decisions, self.values)
 
     def leverage(self, number: int) -> Array:
-        """Variance, given the data, of the gathered values of a term, not scaled; (m, R)."""
+        """Variance, given the data, of a term's values m, not scaled; (K m, C)."""
         J = self.jacobian_of_rows(number)
-        C = self.interval_covariance[self.transcription.nlp.terms[number].row_interval]
+        C = self.interval_covariance[self.transcription.nlp.terms[number].interval]
         return np.asarray(np.einsum("rmi,rmi->mr", J @ C, J), dtype=np.float64)
 
     def sampled(self, number: int) -> Sampled:

@@ -17,14 +17,13 @@ polynomials of degree K - 1, whose moments are exactly those of the steps, where
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from backsight.models import Dae
 
 from .interpolation import Interpolation, spline_interpolation
 from .pieces import Pieces
 from .polynomials import Array, gauss, legendre
-from .terms import Term
+from .terms import Term, stacked
 
 
 def pairs(dae: Dae) -> tuple[tuple[int, int, int], ...]:
@@ -50,19 +49,8 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     identities = {row for _, _, row in pairs(dae)}
     hard = [row for row in range(dae.residual.shape[0]) if row not in identities and row not in soft]
     steps, (places, weights) = pieces.steps(), gauss(degree + 1)
-    count, size = len(steps), degree + 1
-    interval, tau = np.repeat(np.arange(count), size), np.tile(places, count)
-    weight = np.tile(weights, count) * np.sqrt(steps[interval])
+    moments = (weights * legendre(degree, places)).T
     data = np.hstack([h.point_data(degree, places) for h in pieces.horizons])
-    # columns: moment j of interval i stands at i K + j
-    gather = sp.csc_matrix(
-        (
-            (weight * legendre(degree, tau)).ravel(),
-            (np.tile(np.arange(len(tau)), degree), (interval * degree + np.arange(degree)[:, None]).ravel()),
-        ),
-        shape=(len(tau), count * degree),
-    )
-    gather.sort_indices()
     terms = []
     for name, rows, scale in (("balances", soft, 1.0 / std), ("equations", hard, np.ones(len(hard)))):
         if rows:
@@ -70,12 +58,12 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
                 Term(
                     name=name,
                     function=pieces.function(name, dae.residual[rows]),
-                    interval=interval,
-                    tau=tau,
-                    data=data,
-                    gather=gather,
-                    target=np.zeros((len(rows), count * degree)),
-                    scale=np.repeat(scale[:, None], count * degree, axis=1),
+                    interval=np.arange(len(steps)),
+                    nodes=places,
+                    moments=moments,
+                    data=stacked(data, len(steps)),
+                    target=np.zeros((degree * len(rows), len(steps))),
+                    scale=np.tile(scale, degree)[:, None] * np.sqrt(steps),
                     equality=name == "equations",
                 )
             )

@@ -1,12 +1,13 @@
 """Terms: what a nonlinear program over a mesh is made of.
 
-A term evaluates one function at many points of the mesh and gathers its values into rows:
+A term looks at the model at some places of an interval and gathers what it sees into one column of rows:
 
-    m[:, r] = sum over points k of G[k, r] phi(v_k, p, d_k)         v_k = [dx; x; z; w] at point k = T_k l_i(k)
-    r[:, r] = (m[:, r] - target[:, r]) * scale[:, r]
+    m[k, :] = sum over places s of moments[s, k] phi(v_s, p, d_s)            v_s = [dx; x; z; w] at place s = T(tau_s, h) l_i
+    r = (m - target) * scale                                                 all rows of the column below each other
 
-The points of one row lie in one interval, so every derivative is a small dense block on that interval's local unknowns
-and the parameters. Rows either enter the cost as squares, 1/2 sum r^2, or must vanish.
+Two kinds: columns with a place of their own each (samples, initial states), and columns over whole intervals with the same places in
+each (moments of an equation, collocation points). Every derivative is a small dense block on the interval's local unknowns and the
+parameters. Rows either enter the cost as squares, 1/2 sum r^2, or must vanish.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .polynomials import Array
@@ -23,38 +23,43 @@ from .polynomials import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """One family of residuals or constraints.
+    """One family of residuals or constraints, in C columns.
 
     function: casadi.Function (v, p, d) -> phi, shapes (rows of T), (all parameters), (nd) -> (m).
-    interval (M,), tau (M,): where the points are. data (nd, M): what belongs to each point (held inputs, ...).
-    gather (M, R) sparse G; None is the identity: every point a row of its own.
-    target, scale (m, R).
+    interval (C,): of every column. tau (C,): its place there; or nodes (S,): the same places in all.
+    moments (S, K): None is the identity, every node a row group of its own.
+    data (S nd, C): what belongs to the places (held inputs, ...), one place below the other. target, scale (K m, C).
     """
 
     name: str
     function: Any
     interval: NDArray[np.int64]
-    tau: Array
     data: Array
     target: Array
     scale: Array
-    gather: sp.csc_matrix | None = None
+    tau: Array | None = None
+    nodes: Array | None = None
+    moments: Array | None = None
     equality: bool = False
 
     @property
-    def points(self) -> int:
-        """M, number of points."""
+    def columns(self) -> int:
+        """C."""
         return len(self.interval)
 
     @property
-    def rows(self) -> int:
-        """R, number of columns of rows (each of m values)."""
-        return self.points if self.gather is None else int(self.gather.shape[1])
+    def places(self) -> int:
+        """S, number of places that a column looks at."""
+        return 1 if self.nodes is None else len(self.nodes)
 
-    @property
-    def row_interval(self) -> NDArray[np.int64]:
-        """The interval of every row, shape (R,)."""
-        if self.gather is None:
-            return self.interval
-        first = self.gather.indices[self.gather.indptr[:-1]]
-        return np.asarray(self.interval[first], dtype=np.int64)
+    def all_places(self) -> tuple[NDArray[np.int64], Array]:
+        """Interval and tau of every place of every column, (C S,), the places of a column side by side."""
+        if self.nodes is None:
+            return self.interval, np.zeros(self.columns) if self.tau is None else self.tau
+        return np.repeat(self.interval, self.places), np.tile(self.nodes, self.columns)
+
+
+def stacked(values: Array, columns: int) -> Array:
+    """Values at the places of every column, (n, C S) in the order of `all_places`, one place below the other: (S n, C)."""
+    n, places = values.shape[0], values.shape[1] // columns
+    return np.ascontiguousarray(values.reshape(n, columns, places).transpose(2, 0, 1).reshape(places * n, columns))

@@ -59,7 +59,8 @@ class Transcription:
         """Standard deviations of the soft places' residual forces with other numbers in the program, (n_soft,)."""
         for term, now in zip(self.nlp.terms, values.scale, strict=True):
             if term.name in ("balances", "residual forces"):
-                return np.asarray(self.force_std * term.scale[:, 0] / now[:, 0], dtype=np.float64)
+                n = len(self.soft)
+                return np.asarray(self.force_std * term.scale[:n, 0] / now[:n, 0], dtype=np.float64)
         return self.force_std
 
     @property

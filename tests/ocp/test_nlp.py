@@ -1,0 +1,185 @@
+"""Derivatives of the program: one check, run over models, transcriptions, degrees, horizons, free parameters and priors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from examples import compiled, lagged, number, oscillator, random_horizon, stiffening
+from truths import differences
+
+from backsight.ocp import Horizon, ParameterPrior, Solver, Transcription, transcribe
+from backsight.ocp.nlp import Values
+
+DAES = {name: compiled(model()) for name, model in {"oscillator": oscillator, "lagged": lagged, "stiffening": stiffening}.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One program to differentiate."""
+
+    model: str = "stiffening"
+    method: str = "spline"
+    degree: int = 2
+    free: tuple[str, ...] = ("mass.m", "friction.f_c", "friction.width", "spring.a")
+    prior: tuple[float, ...] = ()
+    horizons: int = 1
+    known: bool = False
+    soft: bool = True
+    hold: str = "zero"
+
+    def __str__(self) -> str:
+        extra = ["prior"] * bool(self.prior) + ["known"] * self.known + ["hard"] * (not self.soft) + ["linear-hold"] * (self.hold == "linear")
+        return "-".join([self.model, self.method, str(self.degree), f"{len(self.free)}free", f"{self.horizons}h", *extra])
+
+    def transcribed(self) -> Transcription:
+        dae = DAES[self.model]
+        horizons = [random_horizon(dae, 7 + k, intervals=3 + k, known=self.known, hold=self.hold) for k in range(self.horizons)]
+        std = np.array(self.prior or (np.inf,) * len(self.free))
+        prior = ParameterPrior(mean=np.full(len(self.free), 1.3), std=std)
+        force = {0: 0.4} if self.soft else {}
+        return transcribe(dae, horizons, free=number(dae, *self.free), prior=prior, force_std=force, method=self.method, degree=self.degree)
+
+
+CASES = [
+    *(Case(method="spline", degree=d) for d in (2, 3, 4, 5)),
+    *(Case(method="collocation", degree=d) for d in (1, 2, 3, 4)),
+    *(Case(method=m, horizons=2, known=True) for m in ("spline", "collocation")),
+    *(Case(method=m, free=(), soft=False) for m in ("spline", "collocation")),
+    *(Case(method=m, prior=(0.3, np.inf, 0.2, np.inf), hold="linear") for m in ("spline", "collocation")),
+    *(Case(model="lagged", method=m, degree=3, free=("motor.T", "spring.k"), horizons=2) for m in ("spline", "collocation")),
+    *(Case(model="oscillator", method=m, free=("mass.m",)) for m in ("spline", "collocation")),
+]
+
+
+def point(t: Transcription) -> tuple[Solver, np.ndarray, Values]:
+    """A random point with random units, so that the scaling is differentiated as well."""
+    rng, nlp = np.random.default_rng(3), t.nlp
+    solver = Solver(nlp)
+    values = replace(nlp.values(np.array([p.value for p in t.dae.parameters])), unit=rng.uniform(0.5, 2.0, nlp.size))
+    decisions = rng.normal(size=nlp.size) * 0.3
+    decisions[nlp.trajectory_size :] = rng.uniform(0.8, 1.5, len(nlp.free))
+    return solver, decisions / values.unit, values
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_gradient_jacobian_and_hessian_are_those_of_the_functions(case):
+    t = case.transcribed()
+    solver, x, values = point(t)
+    a, p, rng = solver.nlp.assembled, values.packed(), np.random.default_rng(4)
+    lam, weight = rng.normal(size=solver.nlp.constraint_count), 1.7
+
+    def f(x):
+        return np.array(a.f(x, p)).ravel()
+
+    def g(x):
+        return np.array(a.g(x, p)).ravel()
+
+    def gradient(x):
+        return np.array(a.grad(x, p)[1]).ravel()
+
+    def jacobian(x):
+        return np.array(a.jac(x, p)[1])
+
+    assert float(a.grad(x, p)[0]) == pytest.approx(float(f(x)[0]), rel=1e-14)
+    np.testing.assert_allclose(np.array(a.jac(x, p)[0]).ravel(), g(x), rtol=1e-13, atol=1e-13)
+    close(gradient(x), differences(f, x).ravel())
+    close(jacobian(x), differences(g, x))
+    upper = np.array(a.hess(x, p, weight, lam))
+    assert np.array_equal(upper, np.triu(upper))
+    close(symmetric(upper), differences(lambda x: weight * gradient(x) + jacobian(x).T @ lam, x))
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_without_gamma_the_hessian_is_the_square_of_the_rows_jacobian(case):
+    t = case.transcribed()
+    solver, x, values = point(t)
+    values = replace(values, gamma=0.0)
+    squared = [i for i, term in enumerate(t.nlp.terms) if not term.equality]
+
+    def rows(x):
+        every = solver.rows(x * values.unit, values)
+        return np.concatenate([every[i].ravel(order="F") for i in squared])
+
+    J = differences(rows, x)
+    upper = solver.hessian(x * values.unit, values, np.ones(t.nlp.constraint_count))[0].toarray()
+    close(symmetric(upper), J.T @ J)
+    assert float(t.nlp.assembled.f(x, values.packed())) == pytest.approx(0.5 * np.sum(rows(x) ** 2), rel=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES[:2] + CASES[4:6] + CASES[8:10], ids=str)
+def test_the_small_jacobians_of_every_row_are_those_of_the_rows(case):
+    t = case.transcribed()
+    solver, x, values = point(t)
+    nlp = t.nlp
+    for number_, term in enumerate(nlp.terms):
+        J = solver.jacobian_of_rows(number_, x * values.unit, values)
+        whole = np.zeros((*term.target.shape, nlp.size))
+        for r, interval in enumerate(term.row_interval):
+            where = np.concatenate([nlp.index[:, interval], np.arange(nlp.trajectory_size, nlp.size)])
+            whole[:, r][:, where] += J[r]
+
+        def gathered(x, number_=number_):
+            return solver.rows(x * values.unit, values)[number_].ravel() / values.scale[number_].ravel()
+
+        there = values.scale[number_].ravel() > 0
+        with np.errstate(invalid="ignore", divide="ignore"):
+            slopes = differences(gathered, x)
+        close(whole.reshape(-1, nlp.size)[there] * values.unit, slopes[there])
+
+
+def test_a_missing_sample_changes_neither_cost_nor_gradient_whatever_stands_there():
+    t = Case().transcribed()
+    solver, x, values = point(t)
+    i = [term.name for term in t.nlp.terms].index("samples")
+    missing = ~np.isfinite(np.concatenate([h.target for h in t.horizons]).T)
+    assert missing.any()
+    target = values.target[i].copy()
+    target[missing] = 1e6
+    other = replace(values, target=tuple(target if k == i else v for k, v in enumerate(values.target)))
+    for one, two in zip(t.nlp.assembled.grad(x, values.packed()), t.nlp.assembled.grad(x, other.packed()), strict=True):
+        assert np.array_equal(np.array(one), np.array(two))
+
+
+def test_the_unknowns_stand_in_time_order_with_the_parameters_last():
+    t = Case(method="collocation", degree=2, horizons=2).transcribed()
+    nlp, nx = t.nlp, 3
+    stride = nx + nlp.interpolation.interior
+    assert stride == nx + (2 - 1) * nx + 2 * (1 + 1)
+    counts = [h.mesh.count for h in t.horizons]
+    assert nlp.trajectory_size == sum(n * stride + nx for n in counts)
+    assert t.starts.tolist() == [[0, 1, 2], [counts[0] * stride + nx + i for i in range(nx)]]
+    assert np.array_equal(nlp.index[:nx, 1], nlp.index[stride:, 0])
+    assert nlp.size == nlp.trajectory_size + 4
+    assert nlp.constraint_count == 4 * 2 * sum(counts)
+
+
+def test_two_horizons_cost_what_they_cost_alone():
+    dae = DAES["lagged"]
+    horizons: list[Horizon] = [random_horizon(dae, k, intervals=2 + k) for k in (1, 2)]
+    nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
+
+    def program(chosen: list[Horizon]) -> Transcription:
+        return transcribe(dae, chosen, free=(), prior=nothing, force_std={0: 0.3})
+
+    both, rng = program(horizons), np.random.default_rng(0)
+    x = rng.normal(size=both.nlp.size)
+    parameters = np.array([p.value for p in dae.parameters])
+    alone = [program([h]) for h in horizons]
+    edges = np.cumsum([0, *(t.nlp.size for t in alone)])
+    costs = [float(t.nlp.assembled.f(x[a:b], t.nlp.values(parameters).packed())) for t, a, b in zip(alone, edges, edges[1:], strict=False)]
+    assert float(both.nlp.assembled.f(x, both.nlp.values(parameters).packed())) == pytest.approx(sum(costs), rel=1e-13)
+
+
+def symmetric(upper: np.ndarray) -> np.ndarray:
+    return upper + np.triu(upper, 1).T
+
+
+def close(value: np.ndarray, expected: np.ndarray) -> None:
+    """Equal but for the error of the differences, relative to the largest entry of each row, and rounding."""
+    if expected.size == 0:
+        assert value.size == 0
+        return
+    size = np.abs(expected).max(axis=-1, keepdims=True) + 1e-6 * np.abs(expected).max() + 1e-300
+    assert np.max(np.abs(value - expected) / size) < 2e-6
