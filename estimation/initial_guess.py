@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,10 @@ VELOCITIES = ("v_rel", "w_rel", "omega_rel")
 
 @dataclass(frozen=True, kw_only=True)
 class Balance:
-    """parameters (np_all,) that balance the followed trajectories best; force_std: place -> std density left over [unit of the place * sqrt(s)]."""
+    """parameters (np_all,) that balance the followed trajectories best;
+
+    force_std: place -> std density left over [unit of the place * sqrt(s)].
+    """
 
     parameters: Array
     force_std: dict[int, float]
@@ -105,7 +109,7 @@ def _inside(problem: Problem, index: int, value: float) -> float:
     return float(np.clip(value, low + (margin if np.isfinite(low) else 0.0), high - (margin if np.isfinite(high) else 0.0)))
 
 
-def _probe(dae: Dae, followed: Followed, parameters: Array, expression: object) -> list[Array]:
+def _probe(dae: Dae, followed: Followed, parameters: Array, expression: Any) -> list[Array]:
     """`expression` of the model along every horizon's followed trajectory, at the middles of the mesh; each (rows, N)."""
     inner = ca.Function("probe", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t], [ca.densify(expression)])
     out = []

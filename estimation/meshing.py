@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from backsight.ocp import Horizon
-from backsight.ocp.linear import driven_outputs, fastest_rate, left_out_of_outputs, linearise
 from backsight.ocp.follow import Followed
+from backsight.ocp.linear import driven_outputs, fastest_rate, left_out_of_outputs, linearise
 
 from .horizons import make_horizon, sample_density, sampling_interval
 from .problem import Problem
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-RESOLUTION = 0.5  # mesh step times the fastest mode of the smoother
+RESOLUTION = 0.8  # mesh step times the fastest mode of the smoother
 LONGEST = 5.0  # mesh step over the sampling interval, at most
 FINEST = 0.25  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
@@ -27,8 +27,8 @@ UNFELT = 0.02  # of what all samples together resolve: residual forces that move
 class Meshed:
     """Horizons on their meshes; rigid: whether the weights W leave the residual forces no room.
 
-    least_std: place -> std of a residual force that moves some output by no more than all its samples together resolve: no smaller one can be
-    told from none.
+    least_std: place -> std of a residual force that moves some output by no more than all its samples together resolve: no smaller
+    one can be told from none.
     """
 
     horizons: list[Horizon]
@@ -42,7 +42,13 @@ def longest_step(problem: Problem) -> float:
 
 
 def mesh(
-    problem: Problem, followed: Followed, stds: list[dict[str, float]], force_std: dict[int, float], parameters: Array, degree: int, step: float | None
+    problem: Problem,
+    followed: Followed,
+    stds: list[dict[str, float]],
+    force_std: dict[int, float],
+    parameters: Array,
+    degree: int,
+    step: float | None,
 ) -> Meshed:
     """Meshes for all fitted recordings.
 

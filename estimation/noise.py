@@ -29,7 +29,7 @@ def noise_std(y: Array) -> float:
     finite = y[np.isfinite(y)]
     floor = _step(finite) / np.sqrt(12.0)
     size = float(np.std(finite)) or float(np.max(np.abs(finite), initial=0.0)) or 1.0
-    return max(min(estimates, default=1e-3 * size), floor, 1e-9 * size)
+    return float(max(min(estimates, default=1e-3 * size), floor, 1e-9 * size))
 
 
 def _step(y: Array) -> float:
@@ -37,4 +37,4 @@ def _step(y: Array) -> float:
     values = np.unique(y)
     if values.size < 3 or values.size > 0.5 * y.size:
         return 0.0
-    return float(np.min(np.diff(values)))
+    return float(np.diff(values).min())

@@ -48,7 +48,10 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
         estimates[recording.name], fit[recording.name] = pd.DataFrame(columns), fits
     notes = _notes(problem, choice, stds)
     if not determined and problem.free:
-        notes += ("The recordings do not determine the unknowns: no deviations are given. Fix a parameter, give it a std, or use a richer recording.",)
+        notes += (
+            "The recordings do not determine the unknowns: no deviations are given. Fix a parameter, give it a std, or use a richer "
+            "recording.",
+        )
     return Smoothing(
         model=dae.name,
         parameters=_parameters(problem, solution, determined),

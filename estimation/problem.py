@@ -57,8 +57,8 @@ class Weights:
 class Problem:
     """Everything `smooth` needs.
 
-    model: a `Model` or its compiled `Dae`. recordings: those with role "fit" are fitted. parameters: name -> `Free` or a fixed value; those not
-    named keep the model's value. initial: known initial states [SI]; the others are free, with nothing known of them.
+    model: a `Model` or its compiled `Dae`. recordings: those with role "fit" are fitted. parameters: name -> `Free` or a fixed
+    value; those not named keep the model's value. initial: known initial states [SI]; of the others nothing is known.
     """
 
     model: Model | Dae
@@ -83,7 +83,8 @@ class Problem:
             number = value.guess if isinstance(value, Free) else value
             if not info[name].minimum <= number <= info[name].maximum:
                 raise InputError(
-                    f"parameters: {name} = {number:g} lies outside its physical range {info[name].minimum:g} .. {info[name].maximum:g} {info[name].unit}."
+                    f"parameters: {name} = {number:g} lies outside its physical range "
+                    f"{info[name].minimum:g} .. {info[name].maximum:g} {info[name].unit}."
                 )
         if not self.fitted:
             raise InputError('Problem(recordings=...) needs at least one recording with role="fit".')

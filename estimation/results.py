@@ -15,7 +15,10 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterEstimate:
-    """A parameter after the fit. std: None when fixed or not determined. identifiable: whether the recordings determine it; None when fixed."""
+    """A parameter after the fit.
+
+    std: None when fixed or not determined. identifiable: whether the recordings determine it; None when fixed.
+    """
 
     name: str
     value: float
@@ -35,7 +38,10 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, kw_only=True)
 class OutputFit:
-    """rms [unit of the output] of measured minus smoothed, fit in percent 100 (1 - |e|/|y - mean y|), p-value of white residuals (Ljung-Box)."""
+    """How well one output is met.
+
+    rms [unit of the output] of measured minus smoothed; fit_percent 100 (1 - |e|/|y - mean y|); whiteness_p of Ljung and Box.
+    """
 
     rms: float
     fit_percent: float | None
@@ -68,7 +74,8 @@ class ResidualSummary:
 class Smoothing:
     """States, residual forces and parameters that explain the recordings best.
 
-    estimates: recording name -> one row per sample: t_s, outputs with .measured and .std, states with .std, residual.<place> with .std (SI).
+    estimates: recording name -> one row per sample: t_s, outputs with .measured and .std, states with .std, residual.<place> with
+    .std (SI).
     """
 
     model: str

@@ -1,13 +1,13 @@
 """Whole-horizon smoothing: states, residual forces and parameters of all recordings at once.
 
-    recordings -> follow the samples -> mesh -> program -> weights left out (iterated) -> solution -> estimates
+recordings -> follow the samples -> mesh -> program -> weights left out (iterated) -> solution -> estimates
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -24,9 +24,10 @@ from .meshing import Meshed, longest_step, mesh
 from .outcome import outcome
 from .problem import Free, Problem
 from .results import Smoothing
-from .variances import Choice, choose_weights
+from .variances import choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -38,10 +39,10 @@ class Settings:
     method: Literal["auto", "spline", "collocation"] = "auto"
     degree: int = 2
     step: float | None = None
-    options: Options = Options()
+    options: Options = field(default_factory=Options)
 
 
-def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Callable[[str], None] | None = None) -> Smoothing:  # noqa: B008
+def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Callable[[str], None] | None = None) -> Smoothing:
     """Smooth the fitted recordings of a problem.
 
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
@@ -53,7 +54,9 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     stds, chosen_outputs = output_stds(problem)
     say("following the samples")
     coarse = 2 * longest_step(problem)
-    followed = follow(dae, [make_horizon(dae, r, std, problem.initial, coarse) for r, std in zip(problem.fitted, stds, strict=True)], problem.values)
+    followed = follow(
+        dae, [make_horizon(dae, r, std, problem.initial, coarse) for r, std in zip(problem.fitted, stds, strict=True)], problem.values
+    )
     parameters = problem.values
     for index, width in smoothing_widths(problem, followed).items():
         parameters[index] = width

@@ -34,5 +34,6 @@ def ljung_box(e: Array, lags: int = 20) -> float | None:
     if n < 50 or power <= 0:
         return None
     k = np.arange(1, lags + 1)
-    r = np.array([centred[:-i] @ centred[i:] for i in k]) / power
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
+    r = np.fft.irfft(spectrum)[k] / power
     return float(stats.chi2.sf(n * (n + 2) * np.sum(r**2 / (n - k)), lags))

@@ -1,7 +1,7 @@
 """Weights that nobody gave, from the data: the variances that make the fit's own residuals as large as they are said to be.
 
-With r the rows of one family (the moments of one place's balance, or one output's differences) for standard deviation s, and l their leverage
-(the share of each that the fit could choose freely, l = J C J'/s^2 with C the posterior covariance), the fixed point
+With r the rows of one family (the moments of one place's balance, or one output's differences) for standard deviation s, and l their
+leverage (the share of each that the fit could choose freely, l = J C J'/s^2 with C the posterior covariance), the fixed point
 
     s^2 = sum r^2 s^2 / sum (1 - l)
 
@@ -117,7 +117,8 @@ def _weighted(values: Values, transcription: Transcription, force_factor: Array,
     """The program's numbers with these standard deviations in place of the first ones."""
     factors = {_force_term(transcription): force_factor, "samples": output_factor}
     scale = tuple(
-        s / np.tile(factors[t.name], len(s) // len(factors[t.name]))[:, None] if t.name in factors else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
+        s / np.tile(factors[t.name], len(s) // len(factors[t.name]))[:, None] if t.name in factors else s
+        for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
     )
     return replace(values, scale=scale)
 

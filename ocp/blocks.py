@@ -117,7 +117,8 @@ class Block:
         """Gradient (n + np,) from the gradients of every column, (local + np, C)."""
         of_intervals = self.to_intervals(of_columns)
         where = sp.csc_matrix(
-            (np.ones(self.index.size), (self.index.ravel(order="F"), np.arange(self.index.size))), shape=(self.trajectory_size, self.index.size)
+            (np.ones(self.index.size), (self.index.ravel(order="F"), np.arange(self.index.size))),
+            shape=(self.trajectory_size, self.index.size),
         )
         return ca.vertcat(_constant(where) @ ca.vec(of_intervals[: self.local, :]), ca.sum2(of_intervals[self.local :, :]))
 
@@ -204,7 +205,8 @@ def _basis(interpolation: Interpolation, steps: Array, term: Term) -> tuple[_Bas
         return _Basis(symbols, [[symbols[kind] for kind in interpolation.kinds[1]]]), numbers
     length = ca.SX.sym("h")
     entries = [
-        [float(e.polynomial.deriv(e.order)(tau)) * length**e.power for e in interpolation.entries] for tau in np.asarray(term.nodes, dtype=np.float64)
+        [float(e.polynomial.deriv(e.order)(tau)) * length**e.power for e in interpolation.entries]
+        for tau in np.asarray(term.nodes, dtype=np.float64)
     ]
     return _Basis(length, entries), h[None, :]
 

@@ -11,6 +11,8 @@ so that steps of the input inside an interval act with their full impulse.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from backsight.models import Dae
@@ -32,8 +34,10 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     count = len(steps)
     data = stacked(np.hstack([h.point_data(degree, places) for h in pieces.horizons]), count)
     zero = np.zeros((degree * dae.residual.shape[0], count))
-    common = {"interval": np.arange(count), "nodes": places, "data": data}
-    terms = [Term(name="equations", function=pieces.function("equations", dae.residual), target=zero, scale=zero + 1, equality=True, **common)]
+    common: dict[str, Any] = {"interval": np.arange(count), "nodes": places, "data": data}
+    terms = [
+        Term(name="equations", function=pieces.function("equations", dae.residual), target=zero, scale=zero + 1, equality=True, **common)
+    ]
     if len(std):
         weight = np.sqrt(radau_weights(degree)[:, None] * steps)
         forces = pieces.function("forces", pieces.dae.w[list(pieces.soft)])

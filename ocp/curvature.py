@@ -5,8 +5,9 @@ The inverse of the KKT matrix of the Gauss-Newton program,
     | H  J' |^-1   | C  . |
     | J  0  |    = | .  . |,         C = covariance of all unknowns given the data, on the constraints,
 
-is block-tridiagonal in time with a border. Block k holds x(t_k), the interior of interval k and the multipliers of its constraints, which
-determine x(t_k) and the interior from x(t_(k+1)), so no block is singular; the last knot of every horizon and the parameters form the border.
+is block-tridiagonal in time with a border. Block k holds x(t_k), the interior of interval k and the multipliers of its constraints,
+which determine x(t_k) and the interior from x(t_(k+1)), so no block is singular; the last knot of every horizon and the parameters
+form the border.
 With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
 
     C_bb = S^-1,    C_cc = H_cc^-1 + X C_bb X',    C_cb = -X C_bb
@@ -59,7 +60,7 @@ class Places:
 
 def arrange(nlp: Nlp) -> Places:
     """The places of all unknowns, in the order trajectory, parameters, multipliers."""
-    nx, stride, index = nlp.interpolation.states, nlp.interpolation.states + nlp.interpolation.interior, nlp.index
+    _nx, stride, index = nlp.interpolation.states, nlp.interpolation.states + nlp.interpolation.interior, nlp.index
     intervals, n = index.shape[1], nlp.trajectory_size
     ends = np.append(index[0, 1:] != index[stride, :-1], True)
     last = index[stride:, ends].T

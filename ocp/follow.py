@@ -21,7 +21,6 @@ from backsight.models import Dae
 
 from .horizon import Horizon
 from .ipopt import Solver
-from .nlp import Nlp
 from .pieces import Pieces
 from .polynomials import Array, gauss
 from .spline import pairs
@@ -36,7 +35,10 @@ RELINEARISATIONS = 4  # for outputs that are not linear in the states
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """Splines through the samples: the transcription of the thinned samples, the full horizons, decisions (n,), mean square of the scaled differences."""
+    """Splines through the samples.
+
+    transcription: of the thinned samples; horizons: the full ones; decisions (n,); mean_square: of the scaled differences left.
+    """
 
     transcription: Transcription
     horizons: tuple[Horizon, ...]
@@ -75,7 +77,9 @@ def _thinned(horizon: Horizon) -> Horizon:
     """Every k-th sample, so that an interval holds no more than a few: enough to follow, and for any length of record quick."""
     k = max(1, len(horizon.time) // (ENOUGH * horizon.mesh.count))
     rows = np.unique(np.append(np.arange(0, len(horizon.time), k), len(horizon.time) - 1))
-    return replace(horizon, time=horizon.time[rows], inputs=horizon.inputs[rows], target=horizon.target[rows], target_std=horizon.target_std[rows])
+    return replace(
+        horizon, time=horizon.time[rows], inputs=horizon.inputs[rows], target=horizon.target[rows], target_std=horizon.target_std[rows]
+    )
 
 
 def _softest_needed(close: Solver, values: Any, roughness: sp.csc_matrix, x: Array, count: int) -> tuple[Array, float]:
@@ -145,4 +149,4 @@ def _solve_banded(upper: sp.csc_matrix, rhs: Array) -> Array:
     unit = 1.0 / np.sqrt(banded[width])
     for k in range(width + 1):
         banded[width - k, k:] *= unit[k:] * unit[: len(unit) - k]
-    return unit * np.asarray(scipy.linalg.solveh_banded(banded, unit * rhs, check_finite=False), dtype=np.float64)
+    return np.asarray(unit * scipy.linalg.solveh_banded(banded, unit * rhs, check_finite=False), dtype=np.float64)

@@ -68,4 +68,4 @@ class Forces:
         J = self._solution.jacobian_of_rows(self._solution.term("balances"))
         C = self._solution.interval_covariance
         J = J.reshape(len(C), self._t.degree, len(self._t.soft), -1)
-        return np.einsum("nkmi,nij,nlmj->nmkl", J, C, J, optimize=True)
+        return np.asarray(np.einsum("nkmi,nij,nlmj->nmkl", J, C, J, optimize=True))

@@ -87,10 +87,10 @@ class Horizon:
 
         def since_knot(cells: Array) -> Array:
             running = np.concatenate([np.zeros((cells.shape[0], 1)), np.cumsum(cells, axis=1)], axis=1)
-            return running[:, 1:] - running[:, first_of[owner]]
+            return np.asarray(running[:, 1:] - running[:, first_of[owner]])
 
         def sums(values: Array) -> Array:
-            return values.reshape(values.shape[0], -1, degree).sum(axis=2)
+            return np.asarray(values.reshape(values.shape[0], -1, degree).sum(axis=2))
 
         first = since_knot(sums(rest))
         before = first - sums(rest)

@@ -62,7 +62,7 @@ class Interpolation:
         first: list[Entry] = []
         kind = []
         for e in self.entries:
-            key = (tuple(e.polynomial.coef), e.order, e.power)
+            key = (tuple(float(a) for a in e.polynomial.coef), e.order, e.power)
             if key not in different:
                 different[key] = len(first)
                 first.append(e)
@@ -70,7 +70,7 @@ class Interpolation:
         return tuple(first), tuple(kind)
 
     def values(self, tau: Array, h: Array) -> Array:
-        """The different entries of T at M places, shape (len(kinds[0]), M), in the precision of `tau`; `h`: length of each place's interval."""
+        """The different entries of T at M places, (len(kinds[0]), M), in the precision of `tau`; h: length of each place's interval."""
         out = np.empty((len(self.kinds[0]), len(tau)), dtype=tau.dtype)
         for row, e in zip(out, self.kinds[0], strict=True):
             row[:] = e.polynomial.deriv(e.order)(tau) * h.astype(tau.dtype) ** e.power
@@ -105,7 +105,7 @@ def spline_interpolation(degree: int, states: int, algebraics: int, pairs: Seque
     interior = (degree - 2) * len(pairs) + (degree - 1) * (states - 2 * len(pairs)) + degree * algebraics
     right = states + interior
 
-    def state(i: int, basis: Sequence[tuple[int, Polynomial, int]], row: int, order: int) -> None:
+    def put(basis: Sequence[tuple[int, Polynomial, int]], row: int, order: int) -> None:
         for col, polynomial, power in basis:
             entries.append(Entry(row=row, column=col, polynomial=polynomial, order=order, power=power - order))
 
@@ -118,16 +118,16 @@ def spline_interpolation(degree: int, states: int, algebraics: int, pairs: Seque
             basis = [(i, h00, 0), (j, h10, 1), (right + i, h01, 0), (right + j, h11, 1)]
             basis += [(column + k, b, 0) for k, b in enumerate(bubbles)]
             column += len(bubbles)
-            state(i, basis, states + i, 0)
-            state(i, basis, states + j, 1)
-            state(i, basis, i, 1)
-            state(i, basis, j, 2)
+            put(basis, states + i, 0)
+            put(basis, states + j, 1)
+            put(basis, i, 1)
+            put(basis, j, 2)
         else:
             left, far, *bubbles = lagrange_basis(degree)
             basis = [(i, left, 0), (right + i, far, 0)] + [(column + k, b, 0) for k, b in enumerate(bubbles)]
             column += len(bubbles)
-            state(i, basis, states + i, 0)
-            state(i, basis, i, 1)
+            put(basis, states + i, 0)
+            put(basis, i, 1)
     for i in range(algebraics):
         for k in range(degree):
             entries.append(Entry(row=2 * states + i, column=column, polynomial=_legendre_polynomial(k), order=0, power=0))

@@ -64,7 +64,6 @@ class Options:
     estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
     """
 
-
     tolerance: float = 1e-6
     gauss_newton_iterations: int = 20
     max_iterations: int = 100
@@ -109,11 +108,19 @@ class Solver:
         return self._make(self.options.max_iterations)
 
     def solve(
-        self, start: Array, values: Values, *, lower: Array, upper: Array, newton: bool = True, progress: Callable[[str], None] | None = None
+        self,
+        start: Array,
+        values: Values,
+        *,
+        lower: Array,
+        upper: Array,
+        newton: bool = True,
+        progress: Callable[[str], None] | None = None,
     ) -> Solved:
         """Gauss-Newton steps first; the exact Hessian takes over where they do not arrive.
 
-        Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: the first only.
+        Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: the
+        first only.
         """
         began, decisions = time.perf_counter(), start
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
@@ -142,7 +149,12 @@ class Solver:
             if status.converged or status is Status.INTERRUPTED:
                 break
         return Solved(
-            decisions=decisions, cost=cost, multipliers=multipliers, status=status, iterations=iterations, seconds=time.perf_counter() - began
+            decisions=decisions,
+            cost=cost,
+            multipliers=multipliers,
+            status=status,
+            iterations=iterations,
+            seconds=time.perf_counter() - began,
         )
 
     def hessian(self, decisions: Array, values: Values, multipliers: Array | None = None) -> tuple[sp.csc_matrix, sp.csc_matrix]:

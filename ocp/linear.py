@@ -34,7 +34,9 @@ def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, param
     parts = [ca.jacobian(dae.residual, unknown), ca.jacobian(dae.residual, dae.x), ca.jacobian(dae.residual, dae.u)]
     parts += [ca.jacobian(dae.residual, dae.w)[:, list(soft)], ca.jacobian(dae.output, dae.x), ca.jacobian(dae.output, unknown)]
     nothing = ca.SX.zeros(dae.w.shape[0])
-    function = ca.Function("linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(ca.substitute(e, dae.w, nothing)) for e in parts])
+    function = ca.Function(
+        "linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(ca.substitute(e, dae.w, nothing)) for e in parts]
+    )
     count, nx, nu = x.shape[1], dae.x.shape[0], dae.u.shape[0]
     values = function.map(count)(dx, x, z, u, np.repeat(parameters[:, None], count, axis=1), t[None, :])
     E, F_x, F_u, F_w, H_x, H_e = (_stacked(np.asarray(v), e.shape[0], e.shape[1], count) for v, e in zip(values, parts, strict=True))
@@ -77,22 +79,24 @@ def driven_outputs(linear: Linear, duration: float) -> Array:
     x' = A x + G w: P(T) = int_0^T e^(A s) G G' e^(A' s) ds, by Van Loan's exponential over a short span and doublings
     P(2 T) = P(T) + e^(A T) P(T) e^(A' T). Median over the places.
     """
-    nx, count = linear.A.shape[1], linear.G.shape[2]
+    A, nx = linear.A, linear.A.shape[1]
+    # an unstable place would overflow; what it does in ten of its time constants is enough to know
+    growth = np.linalg.eigvals(A).real.max(axis=1, initial=0.0)
+    span = np.minimum(duration, 10.0 / np.maximum(growth, 1e-12))
+    doublings = max(0, int(np.ceil(np.log2(max(float((span * np.abs(A).sum(axis=2).max(axis=1, initial=0.0)).max(initial=0.0)), 1e-12)))))
     out = []
-    for A, G, C in zip(linear.A, linear.G, linear.C, strict=True):
-        # an unstable place would overflow; what it does in ten of its time constants is enough to know
-        span = min(duration, 10.0 / max(1e-12, float(np.linalg.eigvals(A).real.max(initial=0.0))))
-        doublings = max(0, int(np.ceil(np.log2(max(span * float(np.abs(A).sum(axis=1).max(initial=0.0)), 1e-12)))))
-        columns = []
-        for g in G.T:
-            block = scipy.linalg.expm(np.block([[-A, np.outer(g, g)], [np.zeros((nx, nx)), A.T]]) * span / 2.0**doublings)
-            step = block[nx:, nx:].T
-            P = step @ block[:nx, nx:]
-            for _ in range(doublings):
-                P, step = P + step @ P @ step.T, step @ step
-            columns.append(np.sqrt(np.maximum(np.diag(C @ P @ C.T), 0.0)))
-        out.append(np.array(columns).reshape(count, len(C)).T)
-    return np.asarray(np.median(out, axis=0), dtype=np.float64)
+    for k in range(linear.G.shape[2]):
+        g = linear.G[:, :, k]
+        block = np.zeros((len(A), 2 * nx, 2 * nx))
+        block[:, :nx, :nx], block[:, nx:, nx:], block[:, :nx, nx:] = -A, _t(A), g[:, :, None] * g[:, None, :]
+        block = scipy.linalg.expm(block * (span / 2.0**doublings)[:, None, None])
+        step = _t(block[:, nx:, nx:])
+        P = step @ block[:, :nx, nx:]
+        for _ in range(doublings):
+            P, step = P + step @ P @ _t(step), step @ step
+        variance = np.einsum("mij,mjk,mik->mi", linear.C, P, linear.C)
+        out.append(np.median(np.sqrt(np.maximum(variance, 0.0)), axis=0))
+    return np.array(out).reshape(linear.G.shape[2], linear.C.shape[1]).T
 
 
 def left_out_of_outputs(linear: Linear, impulse: Array, steps: Array) -> Array:
@@ -113,13 +117,13 @@ def driven_between_knots(linear: Linear, first: Array, second: Array) -> Array:
         x += B first + A B second            (the next term is smaller by |A| h, and at the knots nothing is left but that of order h^3)
     """
     step = np.einsum("mij,jm->im", linear.B, first)
-    return step + np.einsum("mij,mjk,km->im", linear.A, linear.B, second, optimize=True)
+    return np.asarray(step + np.einsum("mij,mjk,km->im", linear.A, linear.B, second, optimize=True))
 
 
 def bridge_variance(mesh: Mesh, degree: int, interval: Array, tau: Array) -> Array:
     """Variance per density of the Brownian motion that white forces drive between the knots beyond their `degree` moments, (M,) [s].
 
-        h ( tau (1 - tau) - sum_(j=1)^(K-1) (int_0^tau L_j)^2 ),       zero at the knots
+    h ( tau (1 - tau) - sum_(j=1)^(K-1) (int_0^tau L_j)^2 ),       zero at the knots
     """
     resolved = sum((np.sqrt(2.0 * j + 1.0) * _legendre_integral(j, tau)) ** 2 for j in range(1, degree))
     return np.asarray(np.maximum(tau * (1 - tau) - resolved, 0.0) * mesh.steps[interval], dtype=np.float64)

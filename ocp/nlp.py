@@ -5,8 +5,8 @@ Decision vector X: the unknowns less a reference, each in its own unit, so that 
     reference + unit * X = [ x(t_0) | interior_0 | x(t_1) | interior_1 | ... | x(t_N) |  (the next horizon) ...  | p_free ]
                              n unknowns of the trajectories, in time order                                   np
 
-What the reference trajectory is at every point is computed once, in extended precision. Without that an acceleration would be the difference
-of two positions of full size over h^2, and the rounding of a stiffly weighted balance would drown the last steps of a solve.
+What the reference trajectory is at every place is computed once, in extended precision. Without that an acceleration would be the
+difference of two positions of full size over h^2, and the rounding of a stiffly weighted balance would drown the last steps of a solve.
 
 Constraint vector g: the equality terms one after the other, each column by column (interval by interval).
 
@@ -27,9 +27,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from .blocks import Block, Scatter
 from .interpolation import Interpolation
 from .polynomials import Array
-from .blocks import Block, Scatter
 from .terms import Term, stacked
 
 Index = NDArray[np.int64]

@@ -6,12 +6,14 @@ Hermite cubics and their interior bubbles from de Boor, A Practical Guide to Spl
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial import legendre as _legendre
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]  # of float64, but where longer numbers are meant to be kept
 
 MAX_DEGREE = 5
 

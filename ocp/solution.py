@@ -128,7 +128,7 @@ class Solution:
     def _known(self) -> NDArray[np.int64]:
         """Decisions known exactly: initial states with standard deviation zero."""
         exact = np.array([h.initial_std == 0 for h in self.transcription.horizons])
-        return self.transcription.starts[exact]
+        return np.asarray(self.transcription.starts[exact], dtype=np.int64)
 
     def _outputs(self, samples: int) -> Array:
         """Outputs of the polynomials at all samples, also the missing ones, (ny, all samples)."""

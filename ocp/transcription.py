@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -138,7 +138,7 @@ def _initial(pieces: Pieces) -> list[Term]:
     """What is known of x(t_0), and the invariants that index reduction left behind."""
     dae = pieces.dae
     first = np.array(pieces.offsets[:-1])
-    common = {"interval": first, "tau": np.zeros(len(first))}
+    common: dict[str, Any] = {"interval": first, "tau": np.zeros(len(first))}
     data = np.hstack([np.vstack([h.input_at(h.time[:1]), h.time[:1]]) for h in pieces.horizons])
     terms = []
     std = np.array([h.initial_std for h in pieces.horizons]).T
@@ -158,7 +158,15 @@ def _initial(pieces: Pieces) -> list[Term]:
     if dae.invariants.shape[0]:
         zero = np.zeros((dae.invariants.shape[0], len(first)))
         terms.append(
-            Term(name="invariants", function=pieces.function("invariants", dae.invariants), data=data, target=zero, scale=zero + 1, equality=True, **common)
+            Term(
+                name="invariants",
+                function=pieces.function("invariants", dae.invariants),
+                data=data,
+                target=zero,
+                scale=zero + 1,
+                equality=True,
+                **common,
+            )
         )
     return terms
 

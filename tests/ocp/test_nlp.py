@@ -54,13 +54,15 @@ CASES = [
 
 
 def point(t: Transcription) -> tuple[Solver, np.ndarray, Values]:
-    """A random point with random units, so that the scaling is differentiated as well."""
+    """A random point with random units and a random reference, so that the scaling is differentiated as well."""
     rng, nlp = np.random.default_rng(3), t.nlp
-    solver = Solver(nlp)
+
+    def decisions() -> np.ndarray:
+        return np.concatenate([rng.normal(size=nlp.trajectory_size) * 0.3, rng.uniform(0.8, 1.5, len(nlp.free))])
+
     values = replace(nlp.values(np.array([p.value for p in t.dae.parameters])), unit=rng.uniform(0.5, 2.0, nlp.size))
-    decisions = rng.normal(size=nlp.size) * 0.3
-    decisions[nlp.trajectory_size :] = rng.uniform(0.8, 1.5, len(nlp.free))
-    return solver, decisions / values.unit, values
+    values = nlp.about(values, decisions())
+    return Solver(nlp), values.scaled(decisions()), values
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
@@ -99,11 +101,11 @@ def test_without_gamma_the_hessian_is_the_square_of_the_rows_jacobian(case):
     squared = [i for i, term in enumerate(t.nlp.terms) if not term.equality]
 
     def rows(x):
-        every = solver.rows(x * values.unit, values)
+        every = solver.rows(values.decisions(x), values)
         return np.concatenate([every[i].ravel(order="F") for i in squared])
 
     J = differences(rows, x)
-    upper = solver.hessian(x * values.unit, values, np.ones(t.nlp.constraint_count))[0].toarray()
+    upper = solver.hessian(values.decisions(x), values, np.ones(t.nlp.constraint_count))[0].toarray()
     close(symmetric(upper), J.T @ J)
     assert float(t.nlp.assembled.f(x, values.packed())) == pytest.approx(0.5 * np.sum(rows(x) ** 2), rel=1e-12)
 
@@ -114,19 +116,28 @@ def test_the_small_jacobians_of_every_row_are_those_of_the_rows(case):
     solver, x, values = point(t)
     nlp = t.nlp
     for number_, term in enumerate(nlp.terms):
-        J = solver.jacobian_of_rows(number_, x * values.unit, values)
+        J = solver.jacobian_of_rows(number_, values.decisions(x), values)
         whole = np.zeros((*term.target.shape, nlp.size))
-        for r, interval in enumerate(term.row_interval):
+        for r, interval in enumerate(term.interval):
             where = np.concatenate([nlp.index[:, interval], np.arange(nlp.trajectory_size, nlp.size)])
             whole[:, r][:, where] += J[r]
 
         def gathered(x, number_=number_):
-            return solver.rows(x * values.unit, values)[number_].ravel() / values.scale[number_].ravel()
+            return solver.rows(values.decisions(x), values)[number_].ravel() / values.scale[number_].ravel()
 
         there = values.scale[number_].ravel() > 0
         with np.errstate(invalid="ignore", divide="ignore"):
             slopes = differences(gathered, x)
         close(whole.reshape(-1, nlp.size)[there] * values.unit, slopes[there])
+
+
+def test_rows_do_not_depend_on_the_reference_that_decisions_are_measured_from():
+    t = Case().transcribed()
+    solver, x, values = point(t)
+    decisions = values.decisions(x)
+    for other in (t.nlp.values(values.parameters), t.nlp.about(values, np.ones(t.nlp.size))):
+        for one, two in zip(solver.rows(decisions, values), solver.rows(decisions, other), strict=True):
+            np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-9)
 
 
 def test_a_missing_sample_changes_neither_cost_nor_gradient_whatever_stands_there():
