@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +17,6 @@ from .problem import Free, Problem
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
-VELOCITIES = ("v_rel", "w_rel", "omega_rel")
-
 
 @dataclass(frozen=True, kw_only=True)
 class Balance:
@@ -31,23 +27,6 @@ class Balance:
 
     parameters: Array
     force_std: dict[int, float]
-
-
-def smoothing_widths(problem: Problem, followed: Followed) -> Mapping[int, float]:
-    """Widths of rounded friction laws that the user left alone: a hundredth of the rms velocity there."""
-    dae, widths = problem.dae, {}
-    for index, parameter in enumerate(dae.parameters):
-        if not parameter.smoothing or parameter.name in problem.parameters:
-            continue
-        component = parameter.name.rsplit(".", 1)[0]
-        name = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)
-        if name is None:
-            continue
-        squares = [np.mean(np.square(values)) for values in _probe(dae, followed, problem.values, dae.variables[name])]
-        rms = float(np.sqrt(np.mean(squares)))
-        if rms > 0:
-            widths[index] = max(ROUNDING * rms, parameter.minimum)
-    return widths
 
 
 def balance(problem: Problem, followed: Followed, parameters: Array) -> Balance:

@@ -8,6 +8,7 @@ import pandas as pd
 from backsight.ocp import Solution
 
 from .problem import Free, Problem, Weights
+from .rest import ROOM
 from .results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 from .uncertainty import output_fit
 from .variances import Choice
@@ -117,6 +118,11 @@ def _residuals(problem: Problem, estimates: dict[str, pd.DataFrame]) -> dict[str
     return out
 
 
+def _share_with_room(solution: Solution) -> float:
+    std = solution.transcription.force_std_at(solution.values)
+    return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0
+
+
 def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tuple[str, ...]:
     """How every weight came about, in a sentence each."""
     dae, t, notes = problem.dae, choice.solution.transcription, []
@@ -129,6 +135,12 @@ def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tu
         else:
             end = "" if choice.settled else "; it had not settled"
             notes.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
+    share = _share_with_room(choice.solution)
+    if share > 0:
+        notes.append(
+            f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: W gives it {ROOM:.0f} times the room there, and "
+            "these stretches say nothing about the parameters."
+        )
     for i, q in enumerate(dae.outputs):
         if q.name not in stds[0]:
             continue

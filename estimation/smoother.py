@@ -19,10 +19,11 @@ from backsight.ocp.readout import read
 from backsight.ocp.scaling import scaled
 
 from .horizons import make_horizon, output_stds
-from .initial_guess import balance, smoothing_widths, start_decisions
+from .initial_guess import balance, start_decisions
 from .meshing import Meshed, longest_step, mesh
 from .outcome import outcome
 from .problem import Free, Problem
+from .rest import friction_laws, room, smoothing_widths
 from .results import Smoothing
 from .variances import choose_weights
 
@@ -58,7 +59,8 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
         dae, [make_horizon(dae, r, std, problem.initial, coarse) for r, std in zip(problem.fitted, stds, strict=True)], problem.values
     )
     parameters = problem.values
-    for index, width in smoothing_widths(problem, followed).items():
+    laws = friction_laws(problem)
+    for index, width in smoothing_widths(problem, laws, followed).items():
         parameters[index] = width
     start = balance(problem, followed, parameters)
     given = {k: problem.weights.W[p.name] for k, p in enumerate(dae.places) if p.name in problem.weights.W}
@@ -70,6 +72,8 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     solver = Solver(transcription.nlp, settings.options)
     first = start_decisions(transcription, followed, start.parameters)
     values = _with_fine_input(transcription, first, start.parameters, transcription.nlp.values(parameters))
+    knots = [h.mesh.knots for h in transcription.horizons]
+    values = transcription.with_force_std(values, room(problem, laws, followed, knots, transcription.soft, start.parameters))
     values = scaled(solver, first, values)
     lower, upper = _bounds(problem, transcription)
     build = time.perf_counter() - began

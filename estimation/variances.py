@@ -63,7 +63,7 @@ def choose_weights(
     iterations, rounds, settled = 0, 0, True
     if open_forces or open_outputs:
         settled = False
-        families = [Family(_force_term(transcription), i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
+        families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
         families += [Family("samples", i, -np.inf) for i in open_outputs]
         for rounds in range(1, ROUNDS + 1):
             solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
@@ -114,11 +114,10 @@ def _force_term(transcription: Transcription) -> str:
 
 
 def _weighted(values: Values, transcription: Transcription, force_factor: Array, output_factor: Array) -> Values:
-    """The program's numbers with these standard deviations in place of the first ones."""
-    factors = {_force_term(transcription): force_factor, "samples": output_factor}
+    """The program's numbers with these factors on the first standard deviations."""
+    values = transcription.with_force_std(values, force_factor[:, None])
     scale = tuple(
-        s / np.tile(factors[t.name], len(s) // len(factors[t.name]))[:, None] if t.name in factors else s
-        for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
+        s / output_factor[:, None] if t.name == "samples" else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
     )
     return replace(values, scale=scale)
 

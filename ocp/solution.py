@@ -106,7 +106,7 @@ class Solution:
         samples = self.term("samples")
         # white forces drive the states between the knots also beyond the moments that the mesh resolves
         spread = bridge_variance(horizon.mesh, t.degree, at.interval - t.offsets[number], at.tau)
-        density = t.force_std_at(self.values) ** 2 * spread[:, None]
+        density = (t.force_std_at(self.values)[:, at.interval] ** 2).T * spread[:, None]
         beyond = np.einsum("nij,nj->ni", at.linear.G**2, density)
         beyond_outputs = np.einsum("nij,nj->ni", (at.linear.C @ at.linear.G) ** 2, density)
         T = ip.matrix(at.basis)[:, ip.states : 2 * ip.states]

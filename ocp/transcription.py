@@ -11,7 +11,7 @@ equation as a constraint, with w among the unknowns. Both leave the kinematics e
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import casadi as ca
@@ -55,13 +55,26 @@ class Transcription:
     force_std: Array
     nlp: Nlp
 
+    @property
+    def force_term(self) -> str:
+        """Name of the term that weighs the residual forces."""
+        return "balances" if self.method == "spline" else "residual forces"
+
     def force_std_at(self, values: Values) -> Array:
-        """Standard deviations of the soft places' residual forces with other numbers in the program, (n_soft,)."""
+        """Standard deviations of the soft places' residual forces in every interval with other numbers in the program, (n_soft, N)."""
+        n = len(self.soft)
         for term, now in zip(self.nlp.terms, values.scale, strict=True):
-            if term.name in ("balances", "residual forces"):
-                n = len(self.soft)
-                return np.asarray(self.force_std * term.scale[:n, 0] / now[:n, 0], dtype=np.float64)
-        return self.force_std
+            if n and term.name == self.force_term:
+                return np.asarray(self.force_std[:, None] * term.scale[:n] / now[:n], dtype=np.float64)
+        return np.empty((0, len(self.nlp.steps)))
+
+    def with_force_std(self, values: Values, factor: Array) -> Values:
+        """The program's numbers with the residual forces' standard deviations multiplied, factor (n_soft, N) or (n_soft, 1)."""
+        scale = tuple(
+            s / np.tile(factor, (len(s) // len(self.soft), 1)) if self.soft and t.name == self.force_term else s
+            for t, s in zip(self.nlp.terms, values.scale, strict=True)
+        )
+        return replace(values, scale=scale)
 
     @property
     def starts(self) -> NDArray[np.int64]:

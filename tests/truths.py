@@ -116,7 +116,7 @@ def stiffening_motion(plant: Plant, hardening: float, coulomb: float, width: flo
 def smoothed(
     A: Array, B: Array, G: Array, C: Array, *, time: Array, u: Array, y: Array, std: Array, density: float, vague: float
 ) -> tuple[Array, Array]:
-    """Means (n, nx) and covariances (n, nx, nx) of the Rauch-Tung-Striebel smoother; u (n, nu) held, y (n, ny) with NaN where missing.
+    """Means (n, nx) and covariances (n, nx, nx) of the Rauch-Tung-Striebel smoother; u (n, nu) held, y and std (n, ny), NaN where missing.
 
     The start is known to be zero with standard deviation `vague` in every state.
     """
@@ -131,7 +131,7 @@ def smoothed(
             steps.append(phi)
         predicted.append((x, P))
         there = np.isfinite(y[k])
-        H, R = C[there], np.diag(std[there] ** 2)
+        H, R = C[there], np.diag(std[k, there] ** 2)
         gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
         x = x + gain @ (y[k, there] - H @ x)
         keep = np.eye(nx) - gain @ H

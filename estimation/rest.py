@@ -1,0 +1,103 @@
+"""Where a friction law is not to be trusted: near zero velocity.
+
+A rounded sign cannot hold a body at rest, and where a velocity changes its sign inside a mesh interval nobody knows when. A balance
+that is enforced there reads both as a force, and bends the parameters to explain it. So the residual force of such a balance gets
+room in these intervals: its standard deviation is multiplied, and what happens there tells nothing about the parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from backsight.models import Dae
+from backsight.ocp.follow import Followed
+from backsight.ocp.polynomials import Array
+
+from .problem import Free, Problem
+
+ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
+NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
+ROOM = 50.0  # factor on the standard deviation of a residual force near rest
+VELOCITIES = ("v_rel", "w_rel", "omega_rel")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionLaw:
+    """A law with a rounded sign.
+
+    width: index of its smoothing parameter; velocity: its velocity's name among the model's variables; places: whose balances it enters.
+    """
+
+    width: int
+    velocity: str
+    places: tuple[int, ...]
+
+
+def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
+    """The laws with a rounded sign that act: a strength that is fixed at zero is none."""
+    dae, laws = problem.dae, []
+    fixed = [i for i, p in enumerate(dae.parameters) if not isinstance(problem.parameters.get(p.name), Free)]
+    numbers = ca.DM(problem.values)
+    for index, parameter in enumerate(dae.parameters):
+        if not parameter.smoothing:
+            continue
+        component = parameter.name.rsplit(".", 1)[0]
+        velocity = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)
+        slope = ca.jacobian(dae.residual, dae.p[index])
+        others = [i for i in fixed if i != index]
+        slope = ca.substitute(slope, ca.vertcat(*(dae.p[i] for i in others)), numbers[others]) if others else slope
+        rows = [r for r in range(slope.shape[0]) if not ca.simplify(slope[r]).is_zero()]
+        places = tuple(int(e.place) for r, e in enumerate(dae.equations) if r in rows and e.place is not None)
+        if velocity is not None and places:
+            laws.append(FrictionLaw(width=index, velocity=velocity, places=places))
+    return tuple(laws)
+
+
+def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed) -> dict[int, float]:
+    """Widths of the laws that the user left alone: a hundredth of the rms velocity there."""
+    widths = {}
+    for law in laws:
+        info = problem.dae.parameters[law.width]
+        if info.name in problem.parameters:
+            continue
+        velocity = [_velocity(problem.dae, law, followed, k, h.mesh.knots, problem.values) for k, h in enumerate(followed.horizons)]
+        rms = float(np.sqrt(np.mean(np.concatenate(velocity) ** 2)))
+        if rms > 0:
+            widths[law.width] = max(ROUNDING * rms, info.minimum)
+    return widths
+
+
+def room(
+    problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, knots: list[Array], soft: tuple[int, ...], parameters: Array
+) -> Array:
+    """Factors on the residual forces' standard deviations, (n_soft, N): ROOM in intervals near rest, else 1.
+
+    An interval is near rest when the velocity of a law falls below NEAR widths in it, or below its own change over the interval.
+    """
+    factors = []
+    for number, own in enumerate(knots):
+        factor = np.ones((len(soft), len(own) - 1))
+        for law in laws:
+            places = [soft.index(k) for k in law.places if k in soft]
+            times = np.concatenate([own[:-1], (own[1:] + own[:-1]) / 2, own[1:]])
+            v = _velocity(problem.dae, law, followed, number, times, parameters).reshape(3, -1)
+            change = v.max(axis=0) - v.min(axis=0)
+            least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
+            near = least <= np.maximum(NEAR * parameters[law.width], change)
+            for place in places:
+                factor[place, near] = ROOM
+        factors.append(factor)
+    return np.hstack(factors)
+
+
+def _velocity(dae: Dae, law: FrictionLaw, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
+    """The law's velocity along a followed trajectory, (M,)."""
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
+    function = ca.Function("velocity", arguments, [ca.densify(dae.variables[law.velocity])])
+    dx, x, z = followed.at(number, times)
+    u = followed.horizons[number].input_at(times)
+    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), times[None, :])
+    return np.asarray(values, dtype=np.float64).ravel()
