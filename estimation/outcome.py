@@ -138,8 +138,8 @@ def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tu
     share = _share_with_room(choice.solution)
     if share > 0:
         notes.append(
-            f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: W gives it {ROOM:.0f} times the room there, and "
-            "these stretches say nothing about the parameters."
+            f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: W gives it {ROOM:.0f} times the room "
+            "there, and these stretches say nothing about the parameters."
         )
     for i, q in enumerate(dae.outputs):
         if q.name not in stds[0]:

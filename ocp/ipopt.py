@@ -171,10 +171,9 @@ class Solver:
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
         """Derivative of term `number`'s values m (not scaled) in the local unknowns and parameters, (C, K m, local + np)."""
         a, term = self.nlp.assembled, self.nlp.terms[number]
-        out = a.jacobians(values.scaled(decisions), values.packed())
-        nonzeros = np.asarray(out[number] if isinstance(out, tuple) else out, dtype=np.float64)
+        nonzeros = np.asarray(a.jacobian_of_rows(number)(values.scaled(decisions), values.packed()), dtype=np.float64)
         dense = np.zeros((term.columns, term.target.shape[0], self.nlp.interpolation.local + len(self.nlp.free)))
-        rows, columns = a.patterns[number]
+        rows, columns = a.pattern(number)
         dense[:, rows, columns] = nonzeros.T
         return dense
 

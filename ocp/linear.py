@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from backsight.models import Dae
 
@@ -26,6 +27,10 @@ class Linear:
     B: Array
     G: Array
     C: Array
+
+    def taken(self, places: NDArray[np.int64]) -> Linear:
+        """The same at some of the places, repeated at will."""
+        return Linear(A=self.A[places], B=self.B[places], G=self.G[places], C=self.C[places])
 
 
 def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, parameters: Array, soft: Sequence[int]) -> Linear:

@@ -21,13 +21,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import Block, Scatter
+from .assembly import Assembled
 from .interpolation import Interpolation
 from .polynomials import Array
 from .terms import Term, stacked
@@ -102,8 +100,8 @@ class Nlp:
 
     @cached_property
     def assembled(self) -> Assembled:
-        """CasADi functions of (X, p)."""
-        return _assemble(self)
+        """The program as CasADi functions of (X, p)."""
+        return Assembled(self)
 
     def values(self, parameters: Array, *, gamma: float = 1.0) -> Values:
         """The numbers that the terms were made with."""
@@ -136,79 +134,3 @@ class Nlp:
     def local(self, trajectory: Array) -> Array:
         """Local unknowns of every interval from the trajectory unknowns (n,), shape (local, N)."""
         return np.asarray(trajectory[self.index], dtype=np.float64)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Assembled:
-    """f, grad, g, jac, hess of (X, p); for inspection the rows of every term and, unscaled, the nonzeros of their Jacobians.
-
-    patterns: (row, column) of these nonzeros in one column's (K m, local + np) matrix, per term.
-    """
-
-    x: Any
-    p: Any
-    f: Any
-    g: Any
-    grad: Any
-    jac: Any
-    hess: Any
-    rows: Any
-    jacobians: Any
-    patterns: tuple[tuple[Index, Index], ...]
-
-
-def _assemble(nlp: Nlp) -> Assembled:
-    n, size = nlp.trajectory_size, nlp.size
-    X, lam_f, lam_g = ca.MX.sym("X", size), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
-    p, (parameters, theta_0, unit, gamma, numbers) = _symbols(nlp)
-    step = unit * X
-    c, theta = step[:n], theta_0 + step[n:]
-    f, gradient = ca.MX(0), ca.MX.zeros(size)
-    rows, jacobians, patterns, constraints, offset = [], [], [], [], 0
-    hessian, jacobian = Scatter(), Scatter()
-    for term, (base, data, target, scale) in zip(nlp.terms, numbers, strict=True):
-        block = Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term)
-        arguments = block.arguments(c, theta, parameters, base, data)
-        r = (block.value(*arguments) - target) * scale
-        J = block.jacobian(*arguments)
-        rows.append(r)
-        jacobians.append(J)
-        patterns.append((block.jacobian_rows, block.jacobian_columns))
-        if term.equality:
-            constraints.append(ca.vec(r))
-            jacobian.add(*block.jacobian_entries(offset), block.scaled(J, scale))
-            multiplier = ca.reshape(lam_g[offset : offset + term.target.size], *term.target.shape) * scale
-            offset += term.target.size
-        else:
-            f += ca.sumsqr(r) / 2
-            multiplier = r * scale
-            gradient += block.to_decisions(block.adjoint(*arguments, multiplier))
-            multiplier *= lam_f
-            hessian.add(*block.square_entries(), lam_f * block.to_intervals(block.square(block.scaled(J, scale))))
-        if block.curved:
-            hessian.add(*block.hessian_entries(), gamma * block.to_intervals(block.hessian(*arguments, multiplier)))
-    H = hessian.matrix(size, size, unit, unit)
-    g = ca.vertcat(*constraints) if constraints else ca.MX(0, 1)
-    jac = jacobian.matrix(offset, size, None, unit)
-    functions = {
-        "f": ([X, p], [f], ["x", "p"], ["f"]),
-        "g": ([X, p], [g], ["x", "p"], ["g"]),
-        "grad": ([X, p], [f, unit * gradient], ["x", "p"], ["f", "grad_f_x"]),
-        "jac": ([X, p], [g, jac], ["x", "p"], ["g", "jac_g_x"]),
-        "hess": ([X, p, lam_f, lam_g], [H], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]),
-        "rows": ([X, p], rows, ["x", "p"], [f"rows_{i}" for i in range(len(rows))]),
-        "jacobians": ([X, p], jacobians, ["x", "p"], [f"jacobian_{i}" for i in range(len(rows))]),
-    }
-    return Assembled(x=X, p=p, patterns=tuple(patterns), **{name: ca.Function(f"nlp_{name}", *parts) for name, parts in functions.items()})
-
-
-def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, Any, list[tuple[Any, Any, Any, Any]]]]:
-    """The packed `p` of the program and its parts, in the order of `Values.packed`."""
-    shapes = [(nlp.parameter_count, 1), (len(nlp.free), 1), (nlp.size, 1), (1, 1)]
-    for term in nlp.terms:
-        shapes += [(nlp.interpolation.rows * term.places, term.columns), term.data.shape, term.target.shape, term.scale.shape]
-    sizes = [rows * columns for rows, columns in shapes]
-    p = ca.MX.sym("p", sum(sizes))
-    edges = np.cumsum([0, *sizes]).tolist()
-    parts = [ca.reshape(p[a:b], *shape) for a, b, shape in zip(edges[:-1], edges[1:], shapes, strict=True)]
-    return p, (parts[0], parts[1], parts[2], parts[3], list(zip(*(parts[k::4] for k in range(4, 8)), strict=True)))

@@ -1,0 +1,139 @@
+"""A program's functions, each made when it is first asked for: cost, constraints, derivatives, and the rows of every term."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import Block, Scatter
+
+if TYPE_CHECKING:
+    from .nlp import Nlp
+
+Index = NDArray[np.int64]
+
+
+class Assembled:
+    """CasADi functions of (X, p): decisions of the scaled program and its numbers, packed as `Values.packed` does."""
+
+    def __init__(self, nlp: Nlp) -> None:
+        self._nlp = nlp
+        self.x = ca.MX.sym("X", nlp.size)
+        self.p, (parameters, theta_0, self._unit, self._gamma, numbers) = _symbols(nlp)
+        step, n = self._unit * self.x, nlp.trajectory_size
+        self._lam_f, self._lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
+        self._blocks = [Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
+        self._arguments = [
+            block.arguments(step[:n], theta_0 + step[n:], parameters, base, data)
+            for block, (base, data, _, _) in zip(self._blocks, numbers, strict=True)
+        ]
+        self._targets, self._scales = [y for _, _, y, _ in numbers], [s for _, _, _, s in numbers]
+
+    # ---- expressions, one per term
+
+    @cached_property
+    def _rows(self) -> list[Any]:
+        parts = zip(self._blocks, self._arguments, self._targets, self._scales, strict=True)
+        return [(block.value(*arguments) - target) * scale for block, arguments, target, scale in parts]
+
+    @cached_property
+    def _jacobians(self) -> list[Any]:
+        return [block.jacobian(*arguments) for block, arguments in zip(self._blocks, self._arguments, strict=True)]
+
+    @property
+    def _cost(self) -> Any:
+        return sum((ca.sumsqr(r) / 2 for r, block in zip(self._rows, self._blocks, strict=True) if not block.term.equality), ca.MX(0))
+
+    @property
+    def _constraints(self) -> Any:
+        parts = [ca.vec(r) for r, block in zip(self._rows, self._blocks, strict=True) if block.term.equality]
+        return ca.vertcat(*parts) if parts else ca.MX(0, 1)
+
+    def _multipliers(self) -> list[Any]:
+        """What each value m is multiplied with in the gradient of the Lagrangian, shaped as m."""
+        out, offset = [], 0
+        for block, r, scale in zip(self._blocks, self._rows, self._scales, strict=True):
+            if block.term.equality:
+                stop = offset + block.term.target.size
+                out.append(ca.reshape(self._lam_g[offset:stop], *block.term.target.shape) * scale)
+                offset = stop
+            else:
+                out.append(self._lam_f * r * scale)
+        return out
+
+    # ---- functions
+
+    @cached_property
+    def f(self) -> Any:
+        """Cost."""
+        return self._function("f", [], [self._cost], [], ["f"])
+
+    @cached_property
+    def g(self) -> Any:
+        """Constraints."""
+        return self._function("g", [], [self._constraints], [], ["g"])
+
+    @cached_property
+    def grad(self) -> Any:
+        """Cost and its gradient."""
+        gradient = ca.MX.zeros(self._nlp.size)
+        for block, arguments, r, scale in zip(self._blocks, self._arguments, self._rows, self._scales, strict=True):
+            if not block.term.equality:
+                gradient += block.to_decisions(block.adjoint(*arguments, r * scale))
+        return self._function("grad_f", [], [self._cost, self._unit * gradient], [], ["f", "grad_f_x"])
+
+    @cached_property
+    def jac(self) -> Any:
+        """Constraints and their Jacobian."""
+        entries, offset = Scatter(), 0
+        for block, J, scale in zip(self._blocks, self._jacobians, self._scales, strict=True):
+            if block.term.equality:
+                entries.add(*block.jacobian_entries(offset), block.scaled(J, scale))
+                offset += block.term.target.size
+        matrix = entries.matrix(offset, self._nlp.size, None, self._unit)
+        return self._function("jac_g", [], [self._constraints, matrix], [], ["g", "jac_g_x"])
+
+    @cached_property
+    def hess(self) -> Any:
+        """Upper triangle of the Hessian of the Lagrangian, Gauss-Newton's when gamma = 0."""
+        entries = Scatter()
+        parts = zip(self._blocks, self._arguments, self._jacobians, self._scales, self._multipliers(), strict=True)
+        for block, arguments, J, scale, multiplier in parts:
+            if not block.term.equality:
+                entries.add(*block.square_entries(), self._lam_f * block.to_intervals(block.square(block.scaled(J, scale))))
+            if block.curved:
+                entries.add(*block.hessian_entries(), self._gamma * block.to_intervals(block.hessian(*arguments, multiplier)))
+        matrix = entries.matrix(self._nlp.size, self._nlp.size, self._unit, self._unit)
+        return self._function("hess_l", [self._lam_f, self._lam_g], [matrix], ["lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
+
+    @cached_property
+    def rows(self) -> Any:
+        """Rows r of every term."""
+        return self._function("rows", [], self._rows, [], [f"rows_{i}" for i in range(len(self._rows))])
+
+    def jacobian_of_rows(self, number: int) -> Any:
+        """Nonzeros, column by column, of the derivative of one term's values m; their places: `pattern`."""
+        return self._function(f"jacobian_{number}", [], [self._jacobians[number]], [], ["nonzeros"])
+
+    def pattern(self, number: int) -> tuple[Index, Index]:
+        """(row, column) of the nonzeros of `jacobian_of_rows` in one column's (K m, local + np) matrix."""
+        return self._blocks[number].jacobian_rows, self._blocks[number].jacobian_columns
+
+    def _function(self, name: str, inputs: list[Any], outputs: list[Any], names_in: list[str], names_out: list[str]) -> Any:
+        return ca.Function(f"nlp_{name}", [self.x, self.p, *inputs], outputs, ["x", "p", *names_in], names_out)
+
+
+def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, Any, list[tuple[Any, Any, Any, Any]]]]:
+    """The packed `p` of the program and its parts, in the order of `Values.packed`."""
+    shapes = [(nlp.parameter_count, 1), (len(nlp.free), 1), (nlp.size, 1), (1, 1)]
+    for term in nlp.terms:
+        shapes += [(nlp.interpolation.rows * term.places, term.columns), term.data.shape, term.target.shape, term.scale.shape]
+    sizes = [rows * columns for rows, columns in shapes]
+    p = ca.MX.sym("p", sum(sizes))
+    edges = np.cumsum([0, *sizes]).tolist()
+    parts = [ca.reshape(p[a:b], *shape) for a, b, shape in zip(edges[:-1], edges[1:], shapes, strict=True)]
+    return p, (parts[0], parts[1], parts[2], parts[3], list(zip(*(parts[k::4] for k in range(4, 8)), strict=True)))
