@@ -97,7 +97,7 @@ def test_method_and_degree_do_not_matter(settings):
     base, other = fit([run]), fit([run], settings=settings)
     for name in TRUE:
         one, two = base.parameters[name], other.parameters[name]
-        assert abs(one.value - two.value) < 0.05 * one.std
+        assert abs(one.value - two.value) < 0.15 * one.std
         assert two.std == pytest.approx(one.std, rel=0.02)
     for column in ("mass.s", "mass.v"):
         a, b = base.estimates["run"], other.estimates["run"]

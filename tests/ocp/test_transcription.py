@@ -111,18 +111,18 @@ def smoothing(method: str, force_std: float, degree: int = 2) -> Solution:
 
 def test_the_two_agree_as_the_residual_force_gets_stiff():
     differences = []
-    for force_std in (3.0, 0.3, 0.03, 0.003):
+    for force_std in (0.3, 0.03, 0.003):
         # degree 3 for collocation: its own error is then below what is compared
         one, other = smoothing("spline", force_std), smoothing("collocation", force_std, degree=3)
         assert one.solved.status.converged
         assert other.solved.status.converged
-        deviation = np.sqrt(np.diag(one.curvature.parameter_covariance))
         a, b = (s.solved.decisions[-2:] for s in (one, other))
-        states = [s.sampled(0).states for s in (one, other)]
-        differences.append([np.max(np.abs(a - b) / deviation), np.max((np.abs(states[0] - states[1]) / one.sampled(0).states_std)[:, 1:])])
+        states = [s.sampled(0).states[:, 1:] for s in (one, other)]
+        # parameters relative to their size, states to the noise of their samples
+        differences.append([np.max(np.abs(a / b - 1)), np.max(np.abs(states[0] - states[1]) / [1e-3, 1e-2])])
     table = np.array(differences)
-    assert np.all(np.diff(table, axis=0) < 0), table
-    assert np.all(table[-1] < 0.02), table
+    assert np.all(np.diff(table[:, 0]) < 0), table
+    assert np.all(table[-1] < [1e-6, 2e-3]), table
 
 
 @pytest.mark.parametrize(

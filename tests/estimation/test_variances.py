@@ -1,0 +1,78 @@
+"""Weights chosen from the data, on linear plants whose true deviations are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import truths
+from examples import OFFSET, D, K, M, compiled, oscillator
+
+from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+
+PLANT, MODEL = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator())
+STD = 1e-3
+
+
+def fitted(seed: int, force_std: float, open_weights: str, n: int = 400) -> Smoothing:
+    """A record of 4 s; open_weights: "W", "V" or "WV" are left to the data."""
+    rng = np.random.default_rng(seed)
+    time, u = 0.01 * np.arange(n), 20 * np.sign(np.sin(np.arange(n) * 0.0483 + seed)) + 10 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
+    y = truths.disturbed(PLANT, time, u, np.array([0.02, -0.1]), force_std, rng)[:, 0] + STD * rng.normal(size=n)
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={} if "V" in open_weights else {"x": STD})
+    weights = Weights(W={} if "W" in open_weights else {"mass": force_std})
+    free = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
+    return smooth(Problem(model=MODEL, recordings=[recording], parameters=free, weights=weights))
+
+
+@pytest.mark.parametrize("open_weights", ["W", "V", "WV"])
+def test_the_chosen_deviations_are_the_true_ones_within_their_sampling_error(open_weights):
+    """400 samples tell their own noise to 1/sqrt(800) = 3.5 %, and a force that moves the plant as far as the noise to about 8 %."""
+    found = []
+    for seed in range(6):
+        s = fitted(seed, 0.3, open_weights)
+        assert s.solver.converged
+        assert "had not settled" not in " ".join(s.notes)
+        found.append([s.weights.W["mass"] / 0.3, s.weights.V["x"] / STD])
+    ratio = np.array(found)
+    assert np.all(np.abs(ratio[:, 0] - 1) < 0.3), ratio[:, 0]
+    assert np.all(np.abs(ratio[:, 1] - 1) < 0.15), ratio[:, 1]
+    # the mean of six: the joint mode and the tolerance of the iteration are allowed a tenth
+    assert np.all(np.abs(ratio.mean(axis=0) - 1) < [0.1, 0.06]), ratio.mean(axis=0)
+
+
+def test_weights_that_are_given_are_left_alone():
+    s = fitted(0, 0.3, "")
+    assert s.weights.W == {"mass": 0.3}
+    assert s.weights.V == {"x": STD}
+    assert "W of mass: std 0.3 N as given." in s.notes
+    assert "V of x: std 0.001 m as given." in s.notes
+
+
+@pytest.mark.parametrize("open_weights", ["W", "WV"])
+def test_a_force_that_is_not_there_ends_with_a_small_weight_and_the_right_parameters(open_weights):
+    for seed in range(3):
+        s = fitted(seed, 0.0, open_weights)
+        assert s.solver.converged
+        assert s.weights.W["mass"] < 0.01  # a force of that density moves the plant by much less than the noise
+        assert s.weights.V["x"] == pytest.approx(STD, rel=0.15)
+        for name, true in (("mass.m", M), ("spring.k", K), ("damper.d", D), ("offset.f", OFFSET)):
+            p = s.parameters[name]
+            assert p.std is not None
+            assert abs(p.value - true) < 3.5 * p.std
+
+
+def test_a_weight_open_for_two_recordings_does_not_touch_the_deviation_that_one_of_them_gave():
+    def recording(name: str, seed: int, std: float, *, given: bool) -> Recording:
+        rng, n = np.random.default_rng(seed), 300
+        time, u = 0.01 * np.arange(n), 20 * np.sign(np.sin(np.arange(n) * 0.0483 + seed))
+        y = truths.disturbed(PLANT, time, u, np.zeros(2), 0.1, rng)[:, 0] + STD * rng.normal(size=n)
+        return Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": std} if given else {})
+
+    # what the first recording says of its sensor is wrong on purpose: given is given
+    problem = Problem(
+        model=MODEL,
+        recordings=[recording("a", 1, 3 * STD, given=True), recording("b", 2, STD, given=False)],
+        parameters={"mass.m": Free(3.0)},
+        weights=Weights(W={"mass": 0.1}),
+    )
+    assert smooth(problem).weights.V["x"] == pytest.approx(3 * STD, rel=1e-12)
