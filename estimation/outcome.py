@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pandas as pd
 
@@ -62,7 +63,7 @@ def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, b
         fit=fit,
         weights=Weights(
             W={**problem.weights.W, **{dae.places[k].name: float(s) for k, s in zip(t.soft, choice.force_std, strict=True)}},
-            V={q.name: stds[0][q.name] * float(choice.output_factor[i]) for i, q in enumerate(dae.outputs) if q.name in stds[0]},
+            V={q.name: std * float(choice.output_factor[i]) for i, q in enumerate(dae.outputs) if (std := _first_std(q.name, stds))},
         ),
         solver=SolverFacts(
             status=solved.status.value,
@@ -118,6 +119,21 @@ def _residuals(problem: Problem, estimates: dict[str, pd.DataFrame]) -> dict[str
     return out
 
 
+def _first_std(output: str, stds: list[dict[str, float]]) -> float | None:
+    """An output's noise in the first recording that has it."""
+    return next((table[output] for table in stds if output in table), None)
+
+
+def _unseen(problem: Problem) -> list[str]:
+    """States that no recorded output looks at, and that are no velocity of one that is looked at."""
+    dae = problem.dae
+    recorded = {name for r in problem.fitted for name in r.outputs}
+    rows = [i for i, q in enumerate(dae.outputs) if q.name in recorded]
+    seen = set(ca.jacobian_sparsity(dae.output[rows], dae.x).get_col()) | set(ca.jacobian_sparsity(dae.output[rows], dae.dx).get_col())
+    seen |= {j for i, j, _ in dae.kinematics if i in seen} | {i for i, j, _ in dae.kinematics if j in seen}
+    return [q.name for i, q in enumerate(dae.states) if i not in seen]
+
+
 def _share_with_room(solution: Solution) -> float:
     std = solution.transcription.force_std_at(solution.values)
     return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0
@@ -126,6 +142,9 @@ def _share_with_room(solution: Solution) -> float:
 def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tuple[str, ...]:
     """How every weight came about, in a sentence each."""
     dae, t, notes = problem.dae, choice.solution.transcription, []
+    unseen = _unseen(problem)
+    if unseen and problem.free:
+        notes.append(f"No output shows {', '.join(unseen)}: the start there was a guess, and the answer may depend on the guesses given.")
     if not t.soft and dae.places:
         notes.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):
@@ -142,10 +161,11 @@ def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tu
             "there, and these stretches say nothing about the parameters."
         )
     for i, q in enumerate(dae.outputs):
-        if q.name not in stds[0]:
+        first = _first_std(q.name, stds)
+        if first is None:
             continue
-        std = stds[0][q.name] * choice.output_factor[i]
-        given = q.name in problem.weights.V or problem.fitted[0].output_std.get(q.name) is not None
+        std = first * choice.output_factor[i]
+        given = q.name in problem.weights.V or all(r.output_std.get(q.name) is not None for r in problem.fitted if q.name in r.outputs)
         rule = "as given" if given else "from the samples' differences, then from what the fit leaves over"
         notes.append(f"V of {q.name}: std {std:.3g} {q.unit} {rule}.")
     return tuple(notes)

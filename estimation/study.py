@@ -149,7 +149,10 @@ class Study:
         if any(isinstance(value, Free) for value in parameters.values()):
             check_excitation(fitted, label=self.label)
         try:
-            return Problem(model=self.dae, recordings=recordings, parameters=parameters, weights=Weights(**weights), initial=initial)
+            # a law's residual force is switched on by compiling the model anew with its place
+        dormant = {p.name for p in self.dae.dormant_places}
+        model = self.model if dormant & set(problem_weights.W) else self.dae
+        return Problem(model=model, recordings=recordings, parameters=parameters, weights=Weights(**weights), initial=initial)
         except InputError as error:
             raise InputError(f"{self.label}: {error}") from error
 

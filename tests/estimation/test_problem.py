@@ -21,7 +21,15 @@ def problem(**changes) -> Problem:
 
 
 @pytest.mark.parametrize(
-    "bad", [{"guess": np.nan}, {"guess": np.inf}, {"guess": 2, "max": 1}, {"guess": 0, "min": 1}, {"guess": 1, "min": 1, "max": 1}, {"guess": 1, "min": np.nan}]
+    "bad",
+    [
+        {"guess": np.nan},
+        {"guess": np.inf},
+        {"guess": 2, "max": 1},
+        {"guess": 0, "min": 1},
+        {"guess": 1, "min": 1, "max": 1},
+        {"guess": 1, "min": np.nan},
+    ],
 )
 def test_a_free_parameter_needs_a_guess_between_its_bounds(bad):
     with pytest.raises(InputError, match=r"Free\(guess=.*: needs a finite guess with min <= guess <= max and min < max\."):
@@ -30,7 +38,9 @@ def test_a_free_parameter_needs_a_guess_between_its_bounds(bad):
 
 @pytest.mark.parametrize("std", [0.0, -1.0, np.nan, np.inf])
 def test_a_prior_deviation_is_positive_and_finite(std):
-    with pytest.raises(InputError, match=r"Free\(std=.*\): a standard deviation is positive and finite; leave it out when nothing is known\."):
+    with pytest.raises(
+        InputError, match=r"Free\(std=.*\): a standard deviation is positive and finite; leave it out when nothing is known\."
+    ):
         Free(1.0, std=std)
 
 

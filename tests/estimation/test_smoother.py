@@ -56,7 +56,10 @@ def operate(
 def fit(runs: list[Run], free: dict | None = None, *, W: float | None = FORCE_STD, settings: Settings = Settings(), **more) -> Smoothing:  # noqa: B008
     weights = Weights(W={} if W is None else {"mass": W})
     recordings = [run.recording for run in runs]
-    return smooth(Problem(model=OSCILLATOR, recordings=recordings, parameters=FREE if free is None else free, weights=weights, **more), settings=settings)
+    return smooth(
+        Problem(model=OSCILLATOR, recordings=recordings, parameters=FREE if free is None else free, weights=weights, **more),
+        settings=settings,
+    )
 
 
 def scores(s: Smoothing) -> np.ndarray:
@@ -91,7 +94,9 @@ def test_parameters_and_states_are_found_within_their_deviations(condition):
     assert s.fit["run"]["x"].rms == pytest.approx(STD, rel=0.25)
 
 
-@pytest.mark.parametrize("settings", [Settings(degree=3), Settings(method="collocation", degree=2), Settings(method="collocation", degree=3)], ids=repr)
+@pytest.mark.parametrize(
+    "settings", [Settings(degree=3), Settings(method="collocation", degree=2), Settings(method="collocation", degree=3)], ids=repr
+)
 def test_method_and_degree_do_not_matter(settings):
     run = operate(5)
     base, other = fit([run]), fit([run], settings=settings)
@@ -148,7 +153,9 @@ def test_a_sharp_prior_holds_a_parameter_and_a_vague_one_does_not():
     held = fit([run], {**FREE, "mass.m": Free(wrong, std=1e-5)})
     assert held.parameters["mass.m"].value == pytest.approx(wrong, abs=1e-3)
     assert held.parameters["mass.m"].std == pytest.approx(1e-5, rel=1e-2)
-    assert fit([run], {**FREE, "mass.m": Free(wrong, std=1e3)}).parameters["mass.m"].value == pytest.approx(base.parameters["mass.m"].value, rel=1e-5)
+    assert fit([run], {**FREE, "mass.m": Free(wrong, std=1e3)}).parameters["mass.m"].value == pytest.approx(
+        base.parameters["mass.m"].value, rel=1e-5
+    )
     # one prior as sharp as the data: the estimate is the mean of the two, weighted (nearly linear here)
     std = base.parameters["mass.m"].std
     between = fit([run], {**FREE, "mass.m": Free(base.parameters["mass.m"].value + 2 * std, std=std)})

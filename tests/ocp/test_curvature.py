@@ -54,7 +54,9 @@ def at_a_point(t: Transcription) -> Solution:
     decisions = rng.normal(size=t.nlp.size) * 0.2
     decisions[t.nlp.trajectory_size :] = 1.5, 0.5
     values = replace(t.nlp.values(np.array([p.value for p in t.dae.parameters])), unit=rng.uniform(0.5, 2.0, t.nlp.size))
-    solved = Solved(decisions=decisions, cost=0.0, multipliers=np.zeros(t.nlp.constraint_count), status=Status.SOLVED, iterations=0, seconds=0.0)
+    solved = Solved(
+        decisions=decisions, cost=0.0, multipliers=np.zeros(t.nlp.constraint_count), status=Status.SOLVED, iterations=0, seconds=0.0
+    )
     return Solution(transcription=t, solver=solver, values=values, solved=solved)
 
 
@@ -74,7 +76,9 @@ def test_covariances_are_blocks_of_the_dense_inverse(name, method, horizons, sof
     assert solution.determined
     n = t.nlp.trajectory_size
     size = np.sqrt(np.maximum(np.diag(expected), 1e-12))
-    np.testing.assert_allclose(found.parameter_covariance / np.outer(size[n:], size[n:]), expected[n:, n:] / np.outer(size[n:], size[n:]), atol=1e-6)
+    np.testing.assert_allclose(
+        found.parameter_covariance / np.outer(size[n:], size[n:]), expected[n:, n:] / np.outer(size[n:], size[n:]), atol=1e-6
+    )
     for i in range(len(t.nlp.steps)):
         where = np.concatenate([t.nlp.index[:, i], np.arange(n, t.nlp.size)])
         unit = np.outer(size[where], size[where])
@@ -150,7 +154,11 @@ def test_an_index_three_model_with_invariants_has_the_dense_covariance():
         for i in range(len(t.nlp.steps)):
             where = t.nlp.index[:, i]
             size = np.sqrt(np.diag(expected)[where]) + 1e-9
-            np.testing.assert_allclose(found(solution).interval_covariance[i] / np.outer(size, size), expected[np.ix_(where, where)] / np.outer(size, size), atol=1e-5)
+            np.testing.assert_allclose(
+                found(solution).interval_covariance[i] / np.outer(size, size),
+                expected[np.ix_(where, where)] / np.outer(size, size),
+                atol=1e-5,
+            )
 
 
 def test_known_decisions_have_no_variance():

@@ -82,7 +82,10 @@ def test_unresolved_integrals_are_those_of_the_input_less_its_projection(degree,
         for i in range(2):
             p = np.polynomial.Polynomial.fit(a + width * places, projected[i, interval], degree - 1)
             lever = np.polynomial.Polynomial([now, -1.0])
-            expected = [integral(h, i, a, now, np.ones_like) - area(p, a, now), integral(h, i, a, now, lever) - area(lever * p.convert(), a, now)]
+            expected = [
+                integral(h, i, a, now, np.ones_like) - area(p, a, now),
+                integral(h, i, a, now, lever) - area(lever * p.convert(), a, now),
+            ]
             if now in h.mesh.knots:
                 expected = [0.0, 0.0]  # there the polynomial's own value counts
             assert [first[i, k], second[i, k]] == pytest.approx(expected, abs=1e-12)

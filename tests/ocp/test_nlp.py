@@ -30,7 +30,9 @@ class Case:
     hold: str = "zero"
 
     def __str__(self) -> str:
-        extra = ["prior"] * bool(self.prior) + ["known"] * self.known + ["hard"] * (not self.soft) + ["linear-hold"] * (self.hold == "linear")
+        extra = (
+            ["prior"] * bool(self.prior) + ["known"] * self.known + ["hard"] * (not self.soft) + ["linear-hold"] * (self.hold == "linear")
+        )
         return "-".join([self.model, self.method, str(self.degree), f"{len(self.free)}free", f"{self.horizons}h", *extra])
 
     def transcribed(self) -> Transcription:

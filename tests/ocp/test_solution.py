@@ -18,7 +18,9 @@ OSCILLATOR, LAGGED = compiled(oscillator()), compiled(lagged())
 DENSE = {"spline": truths.splines, "collocation": truths.radau_collocation}
 
 
-def task(*, lag: bool, degree: int = 2, seed: int = 0, intervals: int = 12, free_offset: bool = True, jitter: bool = True, n: int = 41) -> truths.Task:
+def task(
+    *, lag: bool, degree: int = 2, seed: int = 0, intervals: int = 12, free_offset: bool = True, jitter: bool = True, n: int = 41
+) -> truths.Task:
     """A linear task: random held input, jittered samples with missing ones, knots that need not be samples."""
     rng = np.random.default_rng([seed, degree, lag])
     plant = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG if lag else 0.0)
@@ -78,7 +80,9 @@ def test_a_linear_plant_is_smoothed_to_the_dense_gaussian_of_the_same_discretisa
     index = solution.transcription.nlp.index
     at_knots = np.vstack([found[index[:nx]].T, found[index[-nx:, -1]]])
     np.testing.assert_allclose(at_knots, knots_mean, atol=1e-8 * np.abs(knots_mean).max())
-    variance = np.vstack([np.einsum("nii->ni", solution.interval_covariance[:, :nx, :nx]), np.diag(solution.interval_covariance[-1])[None, -nx - 1 : -1]])
+    variance = np.vstack(
+        [np.einsum("nii->ni", solution.interval_covariance[:, :nx, :nx]), np.diag(solution.interval_covariance[-1])[None, -nx - 1 : -1]]
+    )
     size = np.sqrt(knots_variance.max(axis=0))  # the actuator's state is forgotten: its variance falls by many decades
     np.testing.assert_allclose(np.sqrt(variance) / size, np.sqrt(knots_variance) / size, rtol=1e-6, atol=1e-8)
     assert solution.parameters[number(solution.transcription.dae, "offset.f")[0]] == pytest.approx(truth.mean[-1], rel=1e-8)
@@ -135,7 +139,16 @@ def test_on_a_fine_mesh_it_is_the_rauch_tung_striebel_smoother(method, degree):
     A, B, G = t.plant.matrices
     n, errors = len(t.time), []
     means, covariances = truths.smoothed(
-        A, B, G, np.array([[1.0, 0.0]]), time=t.time, u=np.column_stack([t.u, np.ones(n)]), y=t.y[:, :1], std=t.std[:, :1], density=0.25, vague=10.0
+        A,
+        B,
+        G,
+        np.array([[1.0, 0.0]]),
+        time=t.time,
+        u=np.column_stack([t.u, np.ones(n)]),
+        y=t.y[:, :1],
+        std=t.std[:, :1],
+        density=0.25,
+        vague=10.0,
     )
     expected = np.sqrt(np.einsum("nii->ni", covariances))
     for halvings in (0, 1, 2):
@@ -160,7 +173,9 @@ def test_what_is_reported_of_the_force_is_the_dense_estimate_of_its_moments():
         states = truth.states(time)[0]
         ends = truth.states(t.knots[i : i + 2])[0]
         impulse = np.sum(np.diff(inside) * t.held(inside[:-1]))
-        mean_force.append(plant.m * np.diff(ends[:, 1])[0] / h + (weight / 2) @ (states @ [plant.k, plant.d]) + truth.mean[-1] - impulse / h)
+        mean_force.append(
+            plant.m * np.diff(ends[:, 1])[0] / h + (weight / 2) @ (states @ [plant.k, plant.d]) + truth.mean[-1] - impulse / h
+        )
     at = solution.forces.at(np.repeat(here, 40), np.tile((np.arange(40) + 0.5) / 40, 2))[0]
     np.testing.assert_allclose(at.reshape(2, 40).mean(axis=1), mean_force, rtol=1e-6)
 

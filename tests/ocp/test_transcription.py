@@ -106,7 +106,9 @@ def smoothing(method: str, force_std: float, degree: int = 2) -> Solution:
     start[-2:] = 0.8 * M, 1.3 * K
     solver, free_bounds = Solver(t.nlp, Options(tolerance=1e-8)), np.full(t.nlp.size, np.inf)
     values = scaled(solver, start, t.nlp.values(PARAMETERS))
-    return Solution(transcription=t, solver=solver, values=values, solved=solver.solve(start, values, lower=-free_bounds, upper=free_bounds))
+    return Solution(
+        transcription=t, solver=solver, values=values, solved=solver.solve(start, values, lower=-free_bounds, upper=free_bounds)
+    )
 
 
 def test_the_two_agree_as_the_residual_force_gets_stiff():
@@ -126,7 +128,8 @@ def test_the_two_agree_as_the_residual_force_gets_stiff():
 
 
 @pytest.mark.parametrize(
-    ("method", "degree", "rule"), [("spline", 1, "2 .. 5"), ("spline", 6, "2 .. 5"), ("collocation", 0, "1 .. 5"), ("collocation", 6, "1 .. 5")]
+    ("method", "degree", "rule"),
+    [("spline", 1, "2 .. 5"), ("spline", 6, "2 .. 5"), ("collocation", 0, "1 .. 5"), ("collocation", 6, "1 .. 5")],
 )
 def test_a_degree_that_the_method_does_not_have_is_refused(method, degree, rule):
     h = random_horizon(DAE, 0)

@@ -1,0 +1,84 @@
+"""How a solve ends, in words and numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from examples import compiled, number, random_horizon, stiffening
+
+from backsight.ocp import Options, ParameterPrior, Solved, Solver, Status, transcribe
+
+DAE = compiled(stiffening())
+PARAMETERS = np.array([p.value for p in DAE.parameters])
+
+
+def solve(
+    options: Options = Options(), *, newton: bool = True, upper_mass: float = np.inf, start: float = 0.1, progress=None
+) -> tuple[Solver, Solved]:  # noqa: B008
+    h = random_horizon(DAE, 0, intervals=3)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
+    t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
+    solver, x = Solver(t.nlp, options), np.full(t.nlp.size, start)
+    x[-1] = 1.0
+    lower, upper = np.full(t.nlp.size, -np.inf), np.full(t.nlp.size, np.inf)
+    lower[-1], upper[-1] = 0.1, upper_mass
+    return solver, solver.solve(x, t.nlp.values(PARAMETERS), lower=lower, upper=upper, newton=newton, progress=progress)
+
+
+def test_a_solution_is_a_stationary_point_on_the_constraints():
+    solver, solved = solve()
+    assert solved.status.converged
+    values = solver.nlp.values(PARAMETERS)
+    a, p = solver.nlp.assembled, values.packed()
+    gradient, jacobian = np.array(a.grad(solved.decisions, p)[1]).ravel(), np.array(a.jac(solved.decisions, p)[1])
+    multipliers = np.linalg.lstsq(jacobian.T, -gradient, rcond=None)[0]
+    size = np.linalg.norm(jacobian) * np.linalg.norm(multipliers) + np.linalg.norm(gradient)
+    assert np.linalg.norm(gradient + jacobian.T @ multipliers) < 1e-5 * size
+    assert np.abs(np.array(a.g(solved.decisions, p))).max() < 1e-6
+    assert solved.cost == pytest.approx(float(a.f(solved.decisions, p)), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "options", [Options(gauss_newton_iterations=0, max_iterations=0), Options(gauss_newton_iterations=1, max_iterations=1, tolerance=1e-12)]
+)
+def test_the_limit_of_iterations_is_a_status_and_the_numbers_are_finite(options):
+    _, solved = solve(options)
+    assert solved.status is Status.ITERATIONS
+    assert not solved.status.converged
+    assert np.all(np.isfinite(solved.decisions))
+    assert np.isfinite(solved.cost)
+    assert solved.iterations <= 2
+
+
+def test_numbers_that_are_not_finite_are_a_status_and_no_exception():
+    _, solved = solve(start=np.nan)
+    assert solved.status is Status.NUMERICS
+    assert not solved.status.converged
+
+
+def test_a_bound_is_kept():
+    _, free = solve()
+    _, bound = solve(upper_mass=free.decisions[-1] * 0.9)
+    assert bound.status.converged
+    assert bound.decisions[-1] == pytest.approx(free.decisions[-1] * 0.9, rel=1e-4)
+    assert bound.cost >= free.cost
+
+
+def test_progress_tells_each_stage():
+    told: list[str] = []
+    solve(Options(gauss_newton_iterations=1, tolerance=1e-10), progress=told.append)
+    assert [line.split(":")[0] for line in told] == ["Gauss-Newton", "Newton"]
+    told.clear()
+    solve(Options(gauss_newton_iterations=1, tolerance=1e-10), newton=False, progress=told.append)
+    assert [line.split(":")[0] for line in told] == ["Gauss-Newton"]
+
+
+def test_every_status_is_a_sentence_and_two_of_them_are_good():
+    assert all(s.value.endswith(".") and s.value[0].isupper() for s in Status)
+    assert {s for s in Status if s.converged} == {Status.SOLVED, Status.ACCEPTABLE}
+
+
+def test_the_same_program_gives_the_same_bits():
+    one, two = solve()[1], solve()[1]
+    assert np.array_equal(one.decisions, two.decisions)
+    assert np.array_equal(one.multipliers, two.multipliers)

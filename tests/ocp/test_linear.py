@@ -1,0 +1,86 @@
+"""The model linearised, and what follows from it, against hand-written matrices and exact integrals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+import truths
+from examples import LAG, OFFSET, D, K, M, compiled, lagged, oscillator, stiffening
+
+from backsight.ocp import Mesh
+from backsight.ocp.linear import Linear, bridge_variance, driven_between_knots, driven_outputs, fastest_rate, linearise
+
+PLANT = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG)
+
+
+def linear(places: int = 3) -> Linear:
+    dae, rng = compiled(lagged()), np.random.default_rng(0)
+    parameters = np.array([p.value for p in dae.parameters])
+    x = rng.normal(size=(3, places))
+    return linearise(dae, x, x, np.zeros((0, places)), np.ones((1, places)), np.zeros(places), parameters, (0,))
+
+
+def test_a_linear_plant_has_its_own_matrices_everywhere():
+    A, B, G = PLANT.matrices
+    found = linear()
+    for k in range(3):
+        np.testing.assert_allclose(found.A[k], A, rtol=1e-12)
+        np.testing.assert_allclose(found.B[k], B[:, :1], rtol=1e-12)
+        np.testing.assert_allclose(found.G[k], G, rtol=1e-12)
+        np.testing.assert_allclose(found.C[k], [[0, 1, 0], [0, 0, 1]], atol=1e-14)
+
+
+def test_a_nonlinear_plant_has_the_slopes_of_its_right_hand_side():
+    dae = compiled(stiffening())
+    parameters = {p.name: p.value for p in dae.parameters}
+    s, v = 0.7, -0.3
+    z = float(np.roots([parameters["spring.a"], 0, 1, -s])[-1].real)
+    dx = np.zeros((3, 1))
+    found = linearise(
+        dae, dx, np.array([[1.0], [s], [v]]), np.array([[z]]), np.ones((1, 1)), np.zeros(1), np.array(list(parameters.values())), (0,)
+    )
+    stiffness = parameters["spring.k"] / (1 + 3 * parameters["spring.a"] * z**2)
+    rubbing = parameters["friction.f_c"] / parameters["friction.width"] / np.cosh(v / parameters["friction.width"]) ** 2
+    np.testing.assert_allclose(found.A[0], [[-1 / LAG, 0, 0], [0, 0, 1], [1 / M, -stiffness / M, -(D + rubbing) / M]], rtol=1e-9)
+
+
+def test_without_a_force_the_fastest_rate_is_the_plants_own():
+    assert fastest_rate(linear(), np.array([1e-12]), np.array([1.0, 1.0])) == pytest.approx(1 / LAG, rel=1e-3)
+
+
+def test_the_fastest_rate_of_a_tracked_mass_is_that_of_its_riccati_equation():
+    dae = compiled(oscillator())
+    parameters = np.array([p.value for p in dae.parameters])
+    found = linearise(dae, np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((0, 1)), np.zeros((1, 1)), np.zeros(1), parameters, (0,))
+    q, r = 5.0, 1e-8
+    A, G, C = found.A[0], found.G[0], found.C[0]
+    P = scipy.linalg.solve_continuous_are(A.T, C.T, q**2 * G @ G.T, np.array([[r]]))
+    rate = np.abs(np.linalg.eigvals(A - P @ C.T @ C / r)).max()
+    assert fastest_rate(found, np.array([q]), np.array([r])) == pytest.approx(rate, rel=1e-6)
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.5, 5.0, 500.0])
+def test_a_white_force_drives_the_outputs_as_the_integral_says(duration):
+    A, _, G = PLANT.matrices
+    size, vectors = np.linalg.eig(A)
+    b = np.linalg.solve(vectors, G)
+    # in modal coordinates every entry of the integral is elementary
+    total = size[:, None] + size[None, :].conj()
+    P = vectors @ ((np.exp(total * duration) - 1) / total * (b @ b.conj().T)) @ vectors.conj().T
+    np.testing.assert_allclose(driven_outputs(linear(), duration)[:, 0], np.sqrt(np.diag(P.real)[1:]), rtol=1e-6)
+
+
+def test_between_knots_the_input_moves_the_states_through_its_integrals():
+    A, B, _ = PLANT.matrices
+    first, second = np.array([[2e-3, 0.0, 1e-3]]), np.array([[1e-5, 2e-5, 0.0]])
+    expected = B[:, :1] * first + A @ B[:, :1] * second
+    np.testing.assert_allclose(driven_between_knots(linear(), first, second), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 4])
+def test_the_bridge_is_what_the_moments_leave_of_brownian_motion(degree):
+    mesh, tau = Mesh(np.array([0.0, 0.5, 2.0])), np.linspace(0, 1, 21)
+    for interval, h in ((0, 0.5), (1, 1.5)):
+        found = bridge_variance(mesh, degree, np.full(21, interval), tau)
+        np.testing.assert_allclose(found, h * np.maximum(truths.bridge(degree, tau), 0.0), atol=1e-12)

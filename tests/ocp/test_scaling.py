@@ -1,0 +1,62 @@
+"""Units that make the program's numbers of order one without changing the problem."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import compiled, lagged, number, random_horizon
+
+from backsight.ocp import ParameterPrior, Solver, transcribe
+from backsight.ocp.scaling import scaled
+
+DAE = compiled(lagged())
+PARAMETERS = np.array([p.value for p in DAE.parameters])
+
+
+def program(method: str, degree: int):
+    h = random_horizon(DAE, 0, intervals=6, samples=7)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([np.inf]))
+    t = transcribe(
+        DAE,
+        [replace(h, target_std=1e-5 * h.target_std)],
+        free=number(DAE, "mass.m"),
+        prior=prior,
+        force_std={0: 0.3},
+        method=method,
+        degree=degree,
+    )
+    return t, Solver(t.nlp)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.0], ids=["from zero", "from a motion"])
+@pytest.mark.parametrize(("method", "degree"), [("spline", 2), ("spline", 3), ("collocation", 2), ("collocation", 3), ("collocation", 4)])
+def test_units_are_positive_finite_and_not_made_of_rounding(method, degree, start):
+    t, solver = program(method, degree)
+    x = start * np.random.default_rng(0).normal(size=t.nlp.size)
+    x[-1] = 2.0
+    values = scaled(solver, x, t.nlp.values(PARAMETERS))
+    assert np.all(np.isfinite(values.unit) & (values.unit > 0))
+    assert values.unit.max() < 1e6, values.unit.max()
+    assert all(np.all(np.isfinite(s)) for s in values.scale)
+
+
+@pytest.mark.parametrize("method", ["spline", "collocation"])
+def test_cost_and_rows_do_not_depend_on_the_units(method):
+    t, solver = program(method, 2)
+    plain = t.nlp.values(PARAMETERS)
+    x = np.random.default_rng(1).normal(size=t.nlp.size)
+    x[-1] = 2.0
+    better = scaled(solver, x, plain)
+    cost = [float(t.nlp.assembled.f(v.scaled(x), v.packed())) for v in (plain, better)]
+    assert cost[0] == pytest.approx(cost[1], rel=1e-12)
+
+
+def test_rows_of_the_constraints_jacobian_are_of_order_one():
+    t, solver = program("collocation", 2)
+    x = np.random.default_rng(1).normal(size=t.nlp.size)
+    x[-1] = 2.0
+    _, J = solver.hessian(x, scaled(solver, x, t.nlp.values(PARAMETERS)))
+    largest = abs(J).max(axis=1).toarray().ravel()
+    assert 0.1 < np.median(largest) < 10.0
