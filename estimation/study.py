@@ -148,11 +148,11 @@ class Study:
                 parameters[name] = float(entry)
         if any(isinstance(value, Free) for value in parameters.values()):
             check_excitation(fitted, label=self.label)
-        try:
-            # a law's residual force is switched on by compiling the model anew with its place
+        # a law's residual force is switched on by compiling the model anew with its place
         dormant = {p.name for p in self.dae.dormant_places}
-        model = self.model if dormant & set(problem_weights.W) else self.dae
-        return Problem(model=model, recordings=recordings, parameters=parameters, weights=Weights(**weights), initial=initial)
+        model = self.model if dormant & set(weights["W"]) else self.dae
+        try:
+            return Problem(model=model, recordings=recordings, parameters=parameters, weights=Weights(**weights), initial=initial)
         except InputError as error:
             raise InputError(f"{self.label}: {error}") from error
 

@@ -332,7 +332,7 @@ def radau_collocation(task: Task) -> Gaussian:
 
 
 def bridge(K: int, tau: Array) -> Array:
-    """Variance of Brownian motion B(tau) on [0, 1] once its K Legendre moments are known: tau - sum_j (int_0^tau L_j)^2, by Gauss points."""
+    """Variance of Brownian motion B(tau) on [0, 1] once K Legendre moments are known: tau - sum_j (int_0^tau L_j)^2."""
     x, weight = np.polynomial.legendre.leggauss(20)
     out = np.array(tau, dtype=float)
     for j in range(K):

@@ -38,9 +38,21 @@ def drive(n: int, dt: float, seed: int) -> np.ndarray:
 
 
 def operate(
-    seed: int, *, n: int = 300, dt: float = 0.01, force_std: float = FORCE_STD, std: float = STD, given: bool = True, clock: float = 0.0,
-    jitter: float = 0.0, missing: float = 0.0, name: str = "run", hold: str = "zero", smooth_drive: bool = False, start: np.ndarray = START,
-) -> Run:  # fmt: skip
+    seed: int,
+    *,
+    n: int = 300,
+    dt: float = 0.01,
+    force_std: float = FORCE_STD,
+    std: float = STD,
+    given: bool = True,
+    clock: float = 0.0,
+    jitter: float = 0.0,
+    missing: float = 0.0,
+    name: str = "run",
+    hold: str = "zero",
+    smooth_drive: bool = False,
+    start: np.ndarray = START,
+) -> Run:
     rng = np.random.default_rng(seed)
     time = dt * (np.arange(n) + jitter * rng.uniform(-0.5, 0.5, n))
     u = 25 * np.sin(3 * time + 2 * np.sin(time)) if smooth_drive else drive(n, dt, seed)
@@ -48,8 +60,13 @@ def operate(
     y = x[:, 0] + std * rng.normal(size=n)
     y[rng.uniform(size=n) < missing] = np.nan
     recording = Recording(
-        name=name, time=time + clock, inputs={"F": u}, outputs={"x": y}, output_std={"x": std} if given else {}, hold=hold
-    )  # fmt: skip
+        name=name,
+        time=time + clock,
+        inputs={"F": u},
+        outputs={"x": y},
+        output_std={"x": std} if given else {},
+        hold=hold,
+    )
     return Run(recording, x)
 
 
@@ -276,8 +293,12 @@ def test_the_recorded_axis_gives_its_published_parameters():
     force = next(c for c in table.columns if "F" in c.upper().split("_") or "FORCE" in c.upper())
     time, position = table.columns[0], next(c for c in table.columns if c.lower().startswith("q"))
     recording = Recording(
-        name="emps", time=table[time], inputs={"F": table[force]}, outputs={"x": table[position]}, output_std={"x": 2e-6}
-    )  # fmt: skip
+        name="emps",
+        time=table[time],
+        inputs={"F": table[force]},
+        outputs={"x": table[position]},
+        output_std={"x": 2e-6},
+    )
     free = {"carriage.m": Free(80.0), "friction.d": Free(150.0), "friction.f_c": Free(15.0), "offset.f": Free(0.0)}
     s = smooth(Problem(model=actuator(), recordings=[recording], parameters=free))
     assert s.solver.converged

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,8 +19,15 @@ def horizon(seed: int = 0, hold: str = "zero", n: int = 30, intervals: int = 7, 
     knots = np.sort(np.concatenate([[time[0], time[-1]], rng.uniform(time[0], time[-1], intervals - 1)]))
     nothing = np.zeros((n, 1))
     return Horizon(
-        mesh=Mesh(knots), time=time, inputs=rng.normal(size=(n, nu)), target=nothing, target_std=nothing + 1, initial=np.zeros(1), initial_std=np.ones(1), hold=hold
-    )  # fmt: skip
+        mesh=Mesh(knots),
+        time=time,
+        inputs=rng.normal(size=(n, nu)),
+        target=nothing,
+        target_std=nothing + 1,
+        initial=np.zeros(1),
+        initial_std=np.ones(1),
+        hold=hold,
+    )
 
 
 def held(h: Horizon, i: int, t: np.ndarray) -> np.ndarray:
@@ -40,7 +48,7 @@ def integral(h: Horizon, i: int, a: float, b: float, weight) -> float:
     x, w = np.polynomial.legendre.leggauss(8)
     edges = np.unique(np.concatenate([[a, b], h.time[(h.time > a) & (h.time < b)]]))
     total = 0.0
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for left, right in pairwise(edges):
         t = left + (right - left) * (x + 1) / 2
         total += (right - left) / 2 * w @ (held(h, i, t) * weight(t))
     return total

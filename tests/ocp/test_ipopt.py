@@ -13,12 +13,12 @@ PARAMETERS = np.array([p.value for p in DAE.parameters])
 
 
 def solve(
-    options: Options = Options(), *, newton: bool = True, upper_mass: float = np.inf, start: float = 0.1, progress=None
-) -> tuple[Solver, Solved]:  # noqa: B008
+    options: Options | None = None, *, newton: bool = True, upper_mass: float = np.inf, start: float = 0.1, progress=None
+) -> tuple[Solver, Solved]:
     h = random_horizon(DAE, 0, intervals=3)
     prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
     t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
-    solver, x = Solver(t.nlp, options), np.full(t.nlp.size, start)
+    solver, x = Solver(t.nlp, options or Options()), np.full(t.nlp.size, start)
     x[-1] = 1.0
     lower, upper = np.full(t.nlp.size, -np.inf), np.full(t.nlp.size, np.inf)
     lower[-1], upper[-1] = 0.1, upper_mass

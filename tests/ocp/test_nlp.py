@@ -144,7 +144,7 @@ def test_rows_do_not_depend_on_the_reference_that_decisions_are_measured_from():
 
 def test_a_missing_sample_changes_neither_cost_nor_gradient_whatever_stands_there():
     t = Case().transcribed()
-    solver, x, values = point(t)
+    _, x, values = point(t)
     i = [term.name for term in t.nlp.terms].index("samples")
     missing = ~np.isfinite(np.concatenate([h.target for h in t.horizons]).T)
     assert missing.any()

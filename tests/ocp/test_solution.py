@@ -36,16 +36,31 @@ def task(
         y[:, 1] = np.nan
     nothing = np.full(len(start), np.inf)
     return truths.Task(
-        plant=plant, knots=knots, degree=degree, time=time, u=u, y=y, std=std, force_std=0.5,
-        initial=start, initial_std=nothing, free_offset=free_offset,
-    )  # fmt: skip
+        plant=plant,
+        knots=knots,
+        degree=degree,
+        time=time,
+        u=u,
+        y=y,
+        std=std,
+        force_std=0.5,
+        initial=start,
+        initial_std=nothing,
+        free_offset=free_offset,
+    )
 
 
 def horizon(t: truths.Task, dae: Dae) -> Horizon:
     ny = len(dae.outputs)
     return Horizon(
-        mesh=Mesh(t.knots), time=t.time, inputs=t.u[:, None], target=t.y[:, :ny], target_std=t.std[:, :ny], initial=t.initial, initial_std=t.initial_std
-    )  # fmt: skip
+        mesh=Mesh(t.knots),
+        time=t.time,
+        inputs=t.u[:, None],
+        target=t.y[:, :ny],
+        target_std=t.std[:, :ny],
+        initial=t.initial,
+        initial_std=t.initial_std,
+    )
 
 
 def solve(tasks: list[truths.Task], method: str, options: Options = Options(tolerance=1e-9)) -> Solution:  # noqa: B008

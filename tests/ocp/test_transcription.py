@@ -26,8 +26,14 @@ def from_known_start(knots: np.ndarray, u: np.ndarray, time: np.ndarray) -> Hori
     """No samples at all, a start that is known: an initial value problem."""
     n = len(time)
     return Horizon(
-        mesh=Mesh(knots), time=time, inputs=u[:, None], target=np.full((n, 2), np.nan), target_std=np.ones((n, 2)), initial=START, initial_std=np.zeros(3)
-    )  # fmt: skip
+        mesh=Mesh(knots),
+        time=time,
+        inputs=u[:, None],
+        target=np.full((n, 2), np.nan),
+        target_std=np.ones((n, 2)),
+        initial=START,
+        initial_std=np.zeros(3),
+    )
 
 
 def integrated(method: str, degree: int, h: Horizon, force_std: dict[int, float], width: float = SMOOTH) -> np.ndarray:
@@ -94,8 +100,14 @@ def smoothing(method: str, force_std: float, degree: int = 2) -> Solution:
     x = truths.stiffening_motion(PLANT, HARDENING, COULOMB, WIDTH, time, u, START)
     y = x[:, 1:] + np.array([1e-3, 1e-2]) * rng.normal(size=(101, 2))
     h = Horizon(
-        mesh=Mesh(time[::2]), time=time, inputs=u[:, None], target=y, target_std=np.tile([1e-3, 1e-2], (101, 1)), initial=START, initial_std=np.full(3, np.inf)
-    )  # fmt: skip
+        mesh=Mesh(time[::2]),
+        time=time,
+        inputs=u[:, None],
+        target=y,
+        target_std=np.tile([1e-3, 1e-2], (101, 1)),
+        initial=START,
+        initial_std=np.full(3, np.inf),
+    )
     free = number(DAE, "mass.m", "spring.k")
     prior = ParameterPrior(mean=np.array([M, K]), std=np.full(2, np.inf))
     t = transcribe(DAE, [h], free=free, prior=prior, force_std={0: force_std}, method=method, degree=degree)  # type: ignore[arg-type]
