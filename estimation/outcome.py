@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pandas as pd
 
@@ -12,6 +11,7 @@ from .problem import Free, Problem, Weights
 from .rest import ROOM
 from .results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 from .uncertainty import output_fit
+from .unseen import unseen_states
 from .variances import Choice
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -124,16 +124,6 @@ def _first_std(output: str, stds: list[dict[str, float]]) -> float | None:
     return next((table[output] for table in stds if output in table), None)
 
 
-def _unseen(problem: Problem) -> list[str]:
-    """States that no recorded output looks at, and that are no velocity of one that is looked at."""
-    dae = problem.dae
-    recorded = {name for r in problem.fitted for name in r.outputs}
-    rows = [i for i, q in enumerate(dae.outputs) if q.name in recorded]
-    seen = set(ca.jacobian_sparsity(dae.output[rows], dae.x).get_col()) | set(ca.jacobian_sparsity(dae.output[rows], dae.dx).get_col())
-    seen |= {j for i, j, _ in dae.kinematics if i in seen} | {i for i, j, _ in dae.kinematics if j in seen}
-    return [q.name for i, q in enumerate(dae.states) if i not in seen]
-
-
 def _share_with_room(solution: Solution) -> float:
     std = solution.transcription.force_std_at(solution.values)
     return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0
@@ -142,9 +132,9 @@ def _share_with_room(solution: Solution) -> float:
 def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tuple[str, ...]:
     """How every weight came about, in a sentence each."""
     dae, t, notes = problem.dae, choice.solution.transcription, []
-    unseen = _unseen(problem)
+    unseen = unseen_states(problem)
     if unseen and problem.free:
-        notes.append(f"No output shows {', '.join(unseen)}: the start there was a guess, and the answer may depend on the guesses given.")
+        notes.append(f"No output shows {', '.join(unseen)}: it started from the model at the guesses, on which the answer may depend.")
     if not t.soft and dae.places:
         notes.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):

@@ -63,11 +63,16 @@ def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: 
         info = problem.dae.parameters[law.width]
         if info.name in problem.parameters:
             continue
-        velocity = [_velocity(problem.dae, law, followed, k, h.mesh.knots, problem.values) for k, h in enumerate(followed.horizons)]
-        rms = float(np.sqrt(np.mean(np.concatenate(velocity) ** 2)))
+        rms = rms_velocity(problem, law, followed, problem.values)
         if rms > 0:
             widths[law.width] = max(ROUNDING * rms, info.minimum)
     return widths
+
+
+def rms_velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> float:
+    """The law's rms velocity along the followed trajectories of all recordings."""
+    velocity = [_velocity(problem.dae, law, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
+    return float(np.sqrt(np.mean(np.concatenate(velocity) ** 2)))
 
 
 def room(

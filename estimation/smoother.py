@@ -25,6 +25,7 @@ from .outcome import outcome
 from .problem import Free, Problem
 from .rest import friction_laws, room, smoothing_widths
 from .results import Smoothing
+from .unseen import complete, unseen_states
 from .variances import choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -60,6 +61,9 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     )
     parameters = problem.values
     laws = friction_laws(problem)
+    if unseen_states(problem):
+        say("starting what no output shows")
+        followed = complete(problem, followed, laws)
     for index, width in smoothing_widths(problem, laws, followed).items():
         parameters[index] = width
     start = balance(problem, followed, parameters)

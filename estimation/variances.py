@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backsight.ocp import Solution, Transcription
+from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-ROUNDS = 8
+ROUNDS = 12
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
 LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
 BOLDEST = 4.0  # times the fixed point's own step, at most
@@ -68,6 +68,8 @@ def choose_weights(
         for rounds in range(1, ROUNDS + 1):
             solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
             start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
+            if solution.solved.status is Status.ITERATIONS:
+                continue  # on its way: the next round goes on from here
             if not solution.solved.status.converged:
                 break
             change = max(family.step(solution) for family in families)
