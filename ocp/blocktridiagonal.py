@@ -80,6 +80,8 @@ class BlockTridiagonal:
 
 def factor(diagonal: Array, lower: Array) -> BlockTridiagonal:
     """Factor H; a singular block raises numpy.linalg.LinAlgError. The blocks themselves need not be positive definite."""
+    if not (np.all(np.isfinite(diagonal)) and np.all(np.isfinite(lower))):
+        raise np.linalg.LinAlgError("the matrix has entries that are not finite")
     levels = []
     log_determinant, negative = 0.0, 0
     while len(diagonal) > 1:

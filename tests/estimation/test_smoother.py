@@ -111,15 +111,13 @@ def test_parameters_and_states_are_found_within_their_deviations(condition):
     assert s.fit["run"]["x"].rms == pytest.approx(STD, rel=0.25)
 
 
-@pytest.mark.parametrize(
-    "settings", [Settings(degree=3), Settings(method="collocation", degree=2), Settings(method="collocation", degree=3)], ids=repr
-)
+@pytest.mark.parametrize("settings", [Settings(degree=3), Settings(method="collocation", degree=3)], ids=lambda s: f"{s.method} {s.degree}")
 def test_method_and_degree_do_not_matter(settings):
     run = operate(5)
     base, other = fit([run]), fit([run], settings=settings)
     for name in TRUE:
         one, two = base.parameters[name], other.parameters[name]
-        assert abs(one.value - two.value) < 0.15 * one.std
+        assert abs(one.value - two.value) < 0.05 * one.std
         assert two.std == pytest.approx(one.std, rel=0.02)
     for column in ("mass.s", "mass.v"):
         a, b = base.estimates["run"], other.estimates["run"]
