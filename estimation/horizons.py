@@ -17,21 +17,23 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 def output_stds(problem: Problem) -> tuple[list[dict[str, float]], set[str]]:
-    """Noise of every output of every fitted recording, and the outputs whose noise nobody gave.
+    """Noise of every output of every fitted recording, and the outputs whose noise nobody gave for any recording.
 
     Given by the weights V, else by the recording, else estimated from the samples' differences.
     """
-    tables, chosen = [], set()
+    tables, chosen, given_somewhere = [], set(), set(problem.weights.V)
     for recording in problem.fitted:
         table = {}
         for name, y in recording.outputs.items():
             given = problem.weights.V.get(name, recording.output_std.get(name))
-            if given is None:
+            if given is not None:
+                given_somewhere.add(name)
+            else:
                 chosen.add(name)
                 given = noise_std(y)
             table[name] = float(given)
         tables.append(table)
-    return tables, chosen
+    return tables, chosen - given_somewhere
 
 
 def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, float], step: float) -> Horizon:
@@ -51,6 +53,7 @@ def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initi
         target_std=target_std,
         initial=np.array([initial.get(q.name, 0.0) for q in dae.states]),
         initial_std=np.array([0.0 if q.name in initial else np.inf for q in dae.states]),
+        clock=float(recording.time[0]),
         hold=recording.hold,
     )
 

@@ -96,6 +96,6 @@ def _probe(dae: Dae, followed: Followed, parameters: Array, expression: Any) -> 
         times = horizon.mesh.knots[:-1] + horizon.mesh.steps / 2
         dx, x, z = followed.at(number, times)
         u = horizon.projected_input(1, np.array([0.5]))
-        values = inner.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), times[None, :])
+        values = inner.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), horizon.clock + times[None, :])
         out.append(np.asarray(values, dtype=np.float64))
     return out

@@ -12,12 +12,13 @@ from backsight.ocp.linear import driven_outputs, fastest_rate, left_out_of_outpu
 
 from .horizons import make_horizon, sample_density, sampling_interval
 from .problem import Problem
+from .recording import Recording
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 RESOLUTION = 0.8  # mesh step times the fastest mode of the smoother
 LONGEST = 5.0  # mesh step over the sampling interval, at most
-FINEST = 0.25  # and at least
+FINEST = 0.5  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
 LOOKED_AT = 40  # places of a recording where the model is linearised
 UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
@@ -36,9 +37,9 @@ class Meshed:
     least_std: dict[int, float]
 
 
-def longest_step(problem: Problem) -> float:
-    """The coarsest mesh step allowed for these recordings [s]."""
-    return LONGEST * min(sampling_interval(r) for r in problem.fitted)
+def longest_step(recording: Recording) -> float:
+    """The coarsest mesh step allowed for a recording [s]."""
+    return LONGEST * sampling_interval(recording)
 
 
 def mesh(
@@ -62,7 +63,7 @@ def mesh(
         horizon = followed.horizons[number]
         times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
         dx, x, z = followed.at(number, times)
-        places = linearise(problem.dae, dx, x, z, horizon.input_at(times), times, parameters, soft)
+        places = linearise(problem.dae, dx, x, z, horizon.input_at(times), horizon.clock + times, parameters, soft)
         density = sample_density(problem.dae, recording, table)
         dt, rate = sampling_interval(recording), fastest_rate(places, std, density)
         span = float(recording.time[-1] - recording.time[0])

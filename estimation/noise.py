@@ -25,7 +25,7 @@ def noise_std(y: Array) -> float:
         if d.size < 8:
             break
         rms, robust = float(np.sqrt(np.mean(d**2))), float(np.median(np.abs(d))) / 0.6745
-        estimates.append((robust if robust > 0.3 * rms else rms) / np.sqrt(comb(2 * order, order)))
+        estimates.append((robust if np.mean(d == 0.0) < 0.3 else rms) / np.sqrt(comb(2 * order, order)))
     finite = y[np.isfinite(y)]
     floor = _step(finite) / np.sqrt(12.0)
     size = float(np.std(finite)) or float(np.max(np.abs(finite), initial=0.0)) or 1.0

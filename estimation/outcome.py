@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from backsight.models import ParameterInfo
 from backsight.ocp import Solution
 
 from .problem import Free, Problem, Weights
@@ -16,7 +17,8 @@ from .variances import Choice
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size (or of its nominal)
+DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size
+NEGLIGIBLE = 0.05  # or of its nominal size, for one near zero that is not up against its physical bound
 
 
 def outcome(problem: Problem, choice: Choice, stds: list[dict[str, float]], *, build: float, seconds: float) -> Smoothing:
@@ -87,18 +89,24 @@ def _parameters(problem: Problem, solution: Solution, determined: bool) -> dict[
     for i, info in enumerate(problem.dae.parameters):
         given = problem.parameters.get(info.name)
         free = isinstance(given, Free)
-        s = float(std[i]) if free and np.isfinite(std[i]) else None
-        size = max(abs(float(values[i])), 0.1 * info.nominal)
+        s = float(std[i]) if free and np.isfinite(std[i]) and std[i] > 0 else None
         out[info.name] = ParameterEstimate(
             name=info.name,
             value=float(values[i]),
             std=s,
             unit=info.unit,
             fixed=not free,
-            identifiable=(s is not None and s < DETERMINED * size) if free else None,
+            identifiable=_identified(float(values[i]), s, info) if free else None,
             guess=given.guess if isinstance(given, Free) else None,
         )
     return out
+
+
+def _identified(value: float, std: float | None, info: ParameterInfo) -> bool:
+    if std is None:
+        return False
+    bounded = min(value - info.minimum, info.maximum - value) < 3.0 * std
+    return std < DETERMINED * abs(value) or (std < NEGLIGIBLE * info.nominal and not bounded)
 
 
 def _units(problem: Problem) -> dict[str, str]:
@@ -144,11 +152,19 @@ def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tu
         else:
             end = "" if choice.settled else "; it had not settled"
             notes.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
+    for k in choice.solution.solved.on_bound:
+        if k >= t.nlp.trajectory_size:
+            info = dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]]
+            value = choice.solution.solved.decisions[k]
+            notes.append(
+                f"{info.name} ended on its bound, {value:.6g} {info.unit}: the data pull beyond it, and all other values and deviations "
+                "suppose that it is right."
+            )
     share = _share_with_room(choice.solution)
     if share > 0:
         notes.append(
             f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: W gives it {ROOM:.0f} times the room "
-            "there, and these stretches say nothing about the parameters."
+            "there, and these stretches say hardly anything about the parameters."
         )
     for i, q in enumerate(dae.outputs):
         first = _first_std(q.name, stds)

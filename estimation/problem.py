@@ -74,6 +74,9 @@ class Problem:
         _check("weights.V", self.weights.V, [q.name for q in dae.outputs], "output", dae)
         _check("weights.tau", self.weights.tau, [p.name for p in dae.places], "place", dae)
         _check("initial", self.initial, [q.name for q in dae.states], "state", dae)
+        for name, start in self.initial.items():
+            if not np.isfinite(start):
+                raise InputError(f"initial: {name} = {start}: needs a finite number.")
         if self.weights.tau:
             raise InputError(
                 f"weights: tau of {', '.join(self.weights.tau)}: this version knows white residual forces only; leave tau out."
@@ -88,6 +91,12 @@ class Problem:
                 )
         if not self.fitted:
             raise InputError('Problem(recordings=...) needs at least one recording with role="fit".')
+        names = [r.name for r in self.recordings]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(
+                f"recordings: more than one is called {twice[0]!r}; give each a name of its own: Recording.read(..., name=...)."
+            )
         for recording in self.fitted:
             missing = [q.name for q in dae.inputs if q.name not in recording.inputs]
             if missing:

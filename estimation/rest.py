@@ -104,5 +104,5 @@ def _velocity(dae: Dae, law: FrictionLaw, followed: Followed, number: int, times
     function = ca.Function("velocity", arguments, [ca.densify(dae.variables[law.velocity])])
     dx, x, z = followed.at(number, times)
     u = followed.horizons[number].input_at(times)
-    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), times[None, :])
+    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
     return np.asarray(values, dtype=np.float64).ravel()

@@ -35,11 +35,12 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Settings:
     """Numerics of a smoothing run; the defaults choose by themselves.
 
-    method: "spline", "collocation" or "auto". degree: K. step: mesh step [s]. options: of the solver.
+    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for
+    collocation. step: mesh step [s]. options: of the solver.
     """
 
     method: Literal["auto", "spline", "collocation"] = "auto"
-    degree: int = 2
+    degree: int | None = None
     step: float | None = None
     options: Options = field(default_factory=Options)
 
@@ -55,9 +56,10 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     dae = problem.dae
     stds, chosen_outputs = output_stds(problem)
     say("following the samples")
-    coarse = 2 * longest_step(problem)
     followed = follow(
-        dae, [make_horizon(dae, r, std, problem.initial, coarse) for r, std in zip(problem.fitted, stds, strict=True)], problem.values
+        dae,
+        [make_horizon(dae, r, std, problem.initial, 2 * longest_step(r)) for r, std in zip(problem.fitted, stds, strict=True)],
+        problem.values,
     )
     parameters = problem.values
     laws = friction_laws(problem)
@@ -69,7 +71,7 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
     start = balance(problem, followed, parameters)
     given = {k: problem.weights.W[p.name] for k, p in enumerate(dae.places) if p.name in problem.weights.W}
     force_std = {**start.force_std, **given}
-    meshed = mesh(problem, followed, stds, force_std, start.parameters, settings.degree, settings.step)
+    meshed = mesh(problem, followed, stds, force_std, start.parameters, settings.degree or 2, settings.step)
     say(f"mesh of {sum(h.mesh.count for h in meshed.horizons)} intervals")
     rigid = meshed.rigid and set(given) == set(start.force_std)
     transcription = _transcribe(problem, meshed, {} if rigid else force_std, settings)
@@ -84,7 +86,8 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
 
     def solve(decisions: Array, values: Values, newton: bool) -> Solution:
         solved = solver.solve(decisions, values, lower=lower, upper=upper, newton=newton, progress=say)
-        return Solution(transcription=transcription, solver=solver, values=values, solved=solved)
+        here = transcription.nlp.about(values, solved.decisions)
+        return Solution(transcription=transcription, solver=solver, values=here, solved=solved)
 
     open_places = [k for k in transcription.soft if k not in given]
     choice = choose_weights(solve, first, values, transcription, open_places, chosen_outputs, meshed.least_std, say)
@@ -95,10 +98,9 @@ def _transcribe(problem: Problem, meshed: Meshed, force_std: dict[int, float], s
     free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
     known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
     prior = ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
-    method, degree = settings.method, settings.degree
-    if method == "auto":
-        # without residual forces every balance is a constraint, which is what collocation is for
-        method, degree = ("spline", degree) if force_std else ("collocation", degree + 1)
+    # without residual forces every balance is a constraint, which is what collocation is for
+    method = settings.method if settings.method != "auto" else "spline" if force_std else "collocation"
+    degree = settings.degree or (2 if method == "spline" else 3)
     return transcribe(problem.dae, meshed.horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=degree)
 
 

@@ -62,7 +62,7 @@ def _little_room(problem: Problem, followed: Followed, parameters: Array) -> dic
     for number, horizon in enumerate(followed.horizons):
         times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
         dx, x, z = followed.at(number, times)
-        linear = linearise(dae, dx, x, z, horizon.input_at(times), times, parameters, places)
+        linear = linearise(dae, dx, x, z, horizon.input_at(times), horizon.clock + times, parameters, places)
         spread = np.array([np.nanstd(y) if np.isfinite(y).any() else np.nan for y in horizon.target.T])
         span = float(horizon.time[-1] - horizon.time[0])
         relative = driven_outputs(linear, span / 10)[spread > 0] / spread[spread > 0, None]

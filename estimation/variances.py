@@ -72,6 +72,8 @@ def choose_weights(
                 continue  # on its way: the next round goes on from here
             if not solution.solved.status.converged:
                 break
+            if not solution.determined:
+                break  # without covariances nobody knows how much of a residual the fit could choose
             change = max(family.step(solution) for family in families)
             for family in families:
                 (output_factor if family.term == "samples" else force_factor)[family.row] = np.exp(family.log)

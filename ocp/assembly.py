@@ -23,12 +23,12 @@ class Assembled:
     def __init__(self, nlp: Nlp) -> None:
         self._nlp = nlp
         self.x = ca.MX.sym("X", nlp.size)
-        self.p, (parameters, theta_0, self._unit, self._gamma, numbers) = _symbols(nlp)
+        self.p, (parameters, self._unit, self._gamma, numbers) = _symbols(nlp)
         step, n = self._unit * self.x, nlp.trajectory_size
         self._lam_f, self._lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
         self._blocks = [Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
         self._arguments = [
-            block.arguments(step[:n], theta_0 + step[n:], parameters, base, data)
+            block.arguments(step[:n], parameters[list(nlp.free)] + step[n:], parameters, base, data)
             for block, (base, data, _, _) in zip(self._blocks, numbers, strict=True)
         ]
         self._targets, self._scales = [y for _, _, y, _ in numbers], [s for _, _, _, s in numbers]
@@ -127,13 +127,13 @@ class Assembled:
         return ca.Function(f"nlp_{name}", [self.x, self.p, *inputs], outputs, ["x", "p", *names_in], names_out)
 
 
-def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, Any, list[tuple[Any, Any, Any, Any]]]]:
+def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, list[tuple[Any, Any, Any, Any]]]]:
     """The packed `p` of the program and its parts, in the order of `Values.packed`."""
-    shapes = [(nlp.parameter_count, 1), (len(nlp.free), 1), (nlp.size, 1), (1, 1)]
+    shapes = [(nlp.parameter_count, 1), (nlp.size, 1), (1, 1)]
     for term in nlp.terms:
         shapes += [(nlp.interpolation.rows * term.places, term.columns), term.data.shape, term.target.shape, term.scale.shape]
     sizes = [rows * columns for rows, columns in shapes]
     p = ca.MX.sym("p", sum(sizes))
     edges = np.cumsum([0, *sizes]).tolist()
     parts = [ca.reshape(p[a:b], *shape) for a, b, shape in zip(edges[:-1], edges[1:], shapes, strict=True)]
-    return p, (parts[0], parts[1], parts[2], parts[3], list(zip(*(parts[k::4] for k in range(4, 8)), strict=True)))
+    return p, (parts[0], parts[1], parts[2], list(zip(*(parts[k::4] for k in range(3, 7)), strict=True)))

@@ -40,7 +40,7 @@ class Block:
             values = ca.SX(known)
             for entry, value in zip(interpolation.entries, entries, strict=True):
                 values[entry.row] += value * ell[entry.column]
-            phi.append(term.function(values, merged, d))
+            phi.append(term.function(values, merged, p, d))
         column = ca.vertcat(*phi)
         if term.moments is not None:
             column = ca.vec(ca.horzcat(*phi) @ ca.DM(term.moments))

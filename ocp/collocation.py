@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from backsight.models import Dae
@@ -33,11 +34,12 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     dae, steps, places = pieces.dae, pieces.steps(), radau(degree)
     count = len(steps)
     data = stacked(np.hstack([h.point_data(degree, places) for h in pieces.horizons]), count)
+    soft = pieces.rows_of(pieces.soft)
+    hard = [row for row in range(dae.residual.shape[0]) if row not in soft]
+    equations = ca.vertcat(dae.residual[hard], pieces.balances() - dae.w[list(pieces.soft)]) if soft else dae.residual
     zero = np.zeros((degree * dae.residual.shape[0], count))
     common: dict[str, Any] = {"interval": np.arange(count), "nodes": places, "data": data}
-    terms = [
-        Term(name="equations", function=pieces.function("equations", dae.residual), target=zero, scale=zero + 1, equality=True, **common)
-    ]
+    terms = [Term(name="equations", function=pieces.function("equations", equations), target=zero, scale=zero + 1, equality=True, **common)]
     if len(std):
         weight = np.sqrt(radau_weights(degree)[:, None] * steps)
         forces = pieces.function("forces", pieces.dae.w[list(pieces.soft)])

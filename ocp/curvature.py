@@ -5,9 +5,9 @@ The inverse of the KKT matrix of the Gauss-Newton program,
     | H  J' |^-1   | C  . |
     | J  0  |    = | .  . |,         C = covariance of all unknowns given the data, on the constraints,
 
-is block-tridiagonal in time with a border. Block k holds x(t_k), the interior of interval k and the multipliers of its constraints,
-which determine x(t_k) and the interior from x(t_(k+1)), so no block is singular; the last knot of every horizon and the parameters
-form the border.
+is block-tridiagonal in time with a border. Block k holds the interior of interval k, x(t_(k+1)) and the multipliers of the interval's
+constraints, which determine them from x(t_k): no block is singular, and elimination runs with time, in which a plant forgets. The first
+knot of every horizon, the multipliers of what must hold there, and the parameters form the border.
 With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
 
     C_bb = S^-1,    C_cc = H_cc^-1 + X C_bb X',    C_cb = -X C_bb
@@ -26,6 +26,8 @@ from .nlp import Nlp
 from .polynomials import Array
 
 Index = NDArray[np.int64]
+
+ROUNDING = 1e-13  # share of an unknown's own information that must be left when all others are free
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,13 +48,12 @@ class Curvature:
 class Places:
     """Where every unknown and multiplier stands: block (-1 in the border) and place there. Shapes (n + np + constraints,).
 
-    first (N,): block of every interval; last (H, nx): decisions of the last knots; count, size of the blocks; border: its size.
+    starts (H,): intervals that open a horizon; count, size of the blocks; border: its size, the parameters last.
     """
 
     block: Index
     place: Index
-    first: Index
-    last: Index
+    starts: Index
     count: int
     size: int
     border: int
@@ -60,33 +61,28 @@ class Places:
 
 def arrange(nlp: Nlp) -> Places:
     """The places of all unknowns, in the order trajectory, parameters, multipliers."""
-    _nx, stride, index = nlp.interpolation.states, nlp.interpolation.states + nlp.interpolation.interior, nlp.index
-    intervals, n = index.shape[1], nlp.trajectory_size
-    ends = np.append(index[0, 1:] != index[stride, :-1], True)
-    last = index[stride:, ends].T
+    ip, index = nlp.interpolation, nlp.index
+    nx, own, intervals, n, free = ip.states, ip.interior + ip.states, index.shape[1], nlp.trajectory_size, len(nlp.free)
+    starts = np.flatnonzero(np.insert(index[0, 1:] != index[own, :-1], 0, True))
     block, place = np.full(nlp.size, -1, dtype=np.int64), np.empty(nlp.size, dtype=np.int64)
-    block[index[:stride]], place[index[:stride]] = np.arange(intervals), np.arange(stride)[:, None]
-    place[last.ravel()] = np.arange(last.size)
-    place[n:] = last.size + np.arange(len(nlp.free))
-    used = np.full(intervals, stride)
+    block[index[nx:]], place[index[nx:]] = np.arange(intervals), np.arange(own)[:, None]
+    place[index[:nx, starts].T.ravel()] = np.arange(nx * len(starts))
+    used, edge = np.full(intervals, own), nx * len(starts)
     blocks, places = [block], [place]
     for term in nlp.terms:
-        if term.equality:
-            m, owner = term.target.shape[0], term.interval
-            order = np.argsort(owner, kind="stable")
-            rank = np.empty_like(order)
-            rank[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
-            blocks.append(np.repeat(owner, m))
-            places.append(((used[owner] + m * rank)[:, None] + np.arange(m)).ravel())
-            used = used + m * np.bincount(owner, minlength=intervals)
+        if term.equality and term.nodes is None:
+            # what must hold at single places is said of the start
+            blocks.append(np.full(term.target.size, -1))
+            places.append(edge + np.arange(term.target.size))
+            edge += term.target.size
+        elif term.equality:
+            m = term.target.shape[0]
+            blocks.append(np.repeat(term.interval, m))
+            places.append((used[term.interval][:, None] + np.arange(m)).ravel())
+            used[term.interval] += m
+    place[n:] = edge + np.arange(free)
     return Places(
-        block=np.concatenate(blocks),
-        place=np.concatenate(places),
-        first=np.arange(intervals),
-        last=last,
-        count=intervals,
-        size=int(used.max()),
-        border=last.size + len(nlp.free),
+        block=np.concatenate(blocks), place=np.concatenate(places), starts=starts, count=intervals, size=int(used.max()), border=edge + free
     )
 
 
@@ -115,6 +111,11 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     X = tree.solve(border)
     S = corner - np.einsum("kbi,kbj->ij", border, X)
     eigenvalues = np.linalg.eigvalsh(S)
+    own = np.sqrt(np.abs(np.diag(corner)))
+    left = np.abs(np.linalg.eigvalsh(S / np.outer(own, own))) if np.all(own > 0) else np.ones(1)
+    if left.size and left.min() < ROUNDING:
+        raise np.linalg.LinAlgError("what the data say of a border unknown is no more than rounding")
+    negative = tree.negative_eigenvalues + int(np.sum(eigenvalues < 0))
     C = np.linalg.inv(S)
     C = (C + C.T) / 2
     C[gone], C[:, gone] = 0.0, 0.0
@@ -122,10 +123,10 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     scale = np.concatenate([nlp.local(unit[:n]), np.repeat(theta[:, None], at.count, axis=1)]).T
     local = _local_covariances(nlp, at, tree, X, C, idle)
     return Curvature(
-        parameter_covariance=C[at.last.size :, at.last.size :] * np.outer(theta, theta),
+        parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
         interval_covariance=local * scale[:, :, None] * scale[:, None, :],
         log_determinant=tree.log_abs_determinant + float(np.sum(np.log(np.abs(eigenvalues)))),
-        definite=tree.negative_eigenvalues == jacobian.shape[0] and bool(np.all(eigenvalues > 0)),
+        definite=negative == jacobian.shape[0],
     )
 
 
@@ -151,24 +152,23 @@ def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Arra
 
 
 def _local_covariances(nlp: Nlp, at: Places, tree: BlockTridiagonal, X: Array, C: Array, idle: NDArray[np.bool_]) -> Array:
-    """Covariance of [l_i; p] of every interval, (N, local + np, local + np): l_i = own block, next block or border."""
-    nx, local, free = nlp.interpolation.states, nlp.interpolation.local, len(nlp.free)
-    left = local - nx
+    """Covariance of [l_i; p] of every interval, (N, local + np, local + np): l_i = [block before or border; own block]."""
+    ip, free = nlp.interpolation, len(nlp.free)
+    nx, local, own = ip.states, ip.local, ip.interior + ip.states
+    knot = slice(own - nx, own)
     S, between = tree.inverse_blocks()
-    ends = at.block[nlp.index[left]] < 0
-    go_on = np.flatnonzero(~ends)
     S[idle] = 0.0
     np.swapaxes(S, 1, 2)[idle] = 0.0
-    own = np.zeros((at.count, local + free, at.border))
-    own[:, :left] = np.where(idle[:, :left, None], 0.0, X[:, :left])
-    own[go_on, left:local] = np.where(idle[go_on + 1, :nx, None], 0.0, X[go_on + 1, :nx])
-    where, order = np.nonzero(ends)[0], np.arange(nx)
-    own[where[:, None], left + order[None, :], at.place[at.last]] = -1.0
-    own[:, local + np.arange(free), at.last.size + np.arange(free)] = -1.0
-    out = own @ C @ np.swapaxes(own, 1, 2)
-    out[:, :left, :left] += S[:, :left, :left]
-    out[go_on, left:local, left:local] += S[go_on + 1, :nx, :nx]
-    crossed = np.where(idle[go_on + 1, :nx, None] | idle[go_on, None, :left], 0.0, between[go_on, :nx, :left])
-    out[go_on, left:local, :left] += crossed
-    out[go_on, :left, left:local] += np.swapaxes(crossed, 1, 2)
+    later = np.setdiff1d(np.arange(at.count), at.starts)
+    rows = np.zeros((at.count, local + free, at.border))
+    rows[later, :nx] = np.where(idle[later - 1, knot, None], 0.0, X[later - 1, knot])
+    rows[at.starts[:, None], np.arange(nx), at.place[nlp.index[:nx, at.starts].T]] = -1.0
+    rows[:, nx:local] = np.where(idle[:, :own, None], 0.0, X[:, :own])
+    rows[:, local + np.arange(free), at.border - free + np.arange(free)] = -1.0
+    out = rows @ C @ np.swapaxes(rows, 1, 2)
+    out[later, :nx, :nx] += S[later - 1, knot, knot]
+    out[:, nx:local, nx:local] += S[:, :own, :own]
+    crossed = np.where(idle[later, :own, None] | idle[later - 1, None, knot], 0.0, between[later - 1, :own, knot])
+    out[later, nx:local, :nx] += crossed
+    out[later, :nx, nx:local] += np.swapaxes(crossed, 1, 2)
     return out

@@ -75,8 +75,12 @@ def follow(dae: Dae, horizons: Sequence[Horizon], parameters: Array, *, degree: 
 
 def _thinned(horizon: Horizon) -> Horizon:
     """Every k-th sample, so that an interval holds no more than a few: enough to follow, and for any length of record quick."""
-    k = max(1, len(horizon.time) // (ENOUGH * horizon.mesh.count))
-    rows = np.unique(np.append(np.arange(0, len(horizon.time), k), len(horizon.time) - 1))
+    keep = np.zeros(len(horizon.time), dtype=bool)
+    keep[[0, -1]] = True
+    for y in horizon.target.T:
+        there = np.flatnonzero(np.isfinite(y))
+        keep[there[:: max(1, len(there) // (ENOUGH * horizon.mesh.count))]] = True
+    rows = np.flatnonzero(keep)
     return replace(
         horizon, time=horizon.time[rows], inputs=horizon.inputs[rows], target=horizon.target[rows], target_std=horizon.target_std[rows]
     )

@@ -19,6 +19,7 @@ class Horizon:
     time (n,) [s]; inputs (n, nu): row k acts from time k to k + 1 (hold "zero") or joins row k + 1 by a straight line ("linear").
     target (n, ny): what output k should be at time k, with its standard deviation `target_std` (n, ny); NaN where nothing was sampled.
     initial (nx,) and initial_std (nx,): what is known of the state at the start; std inf = nothing, 0 = exactly.
+    clock: the model's time t when this horizon's time is zero [s].
     """
 
     mesh: Mesh
@@ -28,6 +29,7 @@ class Horizon:
     target_std: Array
     initial: Array
     initial_std: Array
+    clock: float = 0.0
     hold: Literal["zero", "linear"] = "zero"
 
     def __post_init__(self) -> None:
@@ -90,7 +92,7 @@ class Horizon:
             return np.asarray(running[:, 1:] - running[:, first_of[owner]])
 
         def sums(values: Array) -> Array:
-            return np.asarray(values.reshape(values.shape[0], -1, degree).sum(axis=2))
+            return np.asarray(values.reshape(values.shape[0], values.shape[1] // degree, degree).sum(axis=2))
 
         first = since_knot(sums(rest))
         before = first - sums(rest)
@@ -109,14 +111,15 @@ class Horizon:
     def point_data(self, degree: int, tau: Array) -> Array:
         """[u; t] at the places tau of every interval, the input projected; shape (nu + 1, N * len(tau))."""
         times = self.mesh.knots[:-1, None] + self.mesh.steps[:, None] * tau
-        return np.vstack([self.projected_input(degree, tau), times.ravel()])
+        return np.vstack([self.projected_input(degree, tau), self.clock + times.ravel()])
 
     def split_at_steps(self, intervals: NDArray[np.bool_]) -> Horizon:
         """A knot at the largest step of the input inside each of these intervals (N,), relative to each input's own range."""
         size = np.ptp(self.inputs, axis=0)
         jump = np.max(np.abs(np.diff(self.inputs, axis=0)) / np.where(size > 0, size, 1.0), axis=1, initial=0.0)
         at, owner = self.time[1:], self.mesh.locate(self.time[1:])[0]
-        inside = (at > self.mesh.knots[owner] + 1e-9 * self.mesh.steps[owner]) & intervals[owner] & (jump > 0)
+        first = at > self.mesh.knots[owner] + 1e-9 * self.mesh.steps[owner]
+        inside = first & (at < self.mesh.knots[-1]) & intervals[owner] & (jump > 0)
         order = np.lexsort((-jump[inside], owner[inside]))
         chosen = at[inside][order][np.unique(owner[inside][order], return_index=True)[1]]
         return replace(self, mesh=Mesh(np.union1d(self.mesh.knots, chosen)))

@@ -46,7 +46,10 @@ _STATUS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """Decisions in the units of the model, cost, multipliers (of the scaled program) and how the solver fared."""
+    """Decisions in the units of the model, cost, multipliers (of the scaled program) and how the solver fared.
+
+    on_bound: decisions that ended on one of their bounds, within a thousandth of their unit.
+    """
 
     decisions: Array
     cost: float
@@ -54,6 +57,7 @@ class Solved:
     status: Status
     iterations: int
     seconds: float
+    on_bound: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,11 +66,14 @@ class Options:
 
     tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
     estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
+    drift: relative change of a parameter from its reference beyond which a solve goes on from where it arrived, max_passes times at most.
     """
 
     tolerance: float = 1e-6
     gauss_newton_iterations: int = 20
     max_iterations: int = 100
+    drift: float = 0.02
+    max_passes: int = 6
 
 
 @dataclass(frozen=True)
@@ -96,7 +103,15 @@ class Solver:
             "bound_frac": 1e-8,
             "mumps_pivot_order": 5 if self.nlp.constraint_count else 7,
         }
-        options = {"ipopt": ipopt, "print_time": False, "grad_f": a.grad, "jac_g": a.jac, "hess_lag": a.hess, "error_on_fail": False}
+        options = {
+            "ipopt": ipopt,
+            "print_time": False,
+            "show_eval_warnings": False,
+            "grad_f": a.grad,
+            "jac_g": a.jac,
+            "hess_lag": a.hess,
+            "error_on_fail": False,
+        }
         return ca.nlpsol("solver", "ipopt", program, options)
 
     @cached_property
@@ -124,9 +139,12 @@ class Solver:
         """
         began, decisions = time.perf_counter(), start
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
-        for gamma in (0.0, 1.0) if newton else (0.0,):
-            solver = self._newton if gamma else self._gauss_newton
+        if not np.all(np.isfinite(start)):
+            return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
+        n, gamma = self.nlp.trajectory_size, 0.0
+        for _ in range(self.options.max_passes):
             here = self.nlp.about(values, decisions)
+            solver = self._newton if gamma else self._gauss_newton
             with _quiet():
                 answer = solver(
                     x0=np.zeros(self.nlp.size),
@@ -146,8 +164,13 @@ class Solver:
                 multipliers = np.asarray(answer["lam_g"], dtype=np.float64).ravel()
             if progress is not None:
                 progress(f"{'Newton' if gamma else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
-            if status.converged or status is Status.INTERRUPTED:
+            moved = np.abs(decisions[n:] - here.reference[n:]) > self.options.drift * np.abs(decisions[n:])
+            if status.converged and not np.any(moved):
                 break
+            if not status.converged:
+                if status is Status.INTERRUPTED or gamma or not newton:
+                    break
+                gamma = 1.0
         return Solved(
             decisions=decisions,
             cost=cost,
@@ -155,6 +178,7 @@ class Solver:
             status=status,
             iterations=iterations,
             seconds=time.perf_counter() - began,
+            on_bound=_on_bound(decisions, lower, upper, values.unit),
         )
 
     def hessian(self, decisions: Array, values: Values, multipliers: Array | None = None) -> tuple[sp.csc_matrix, sp.csc_matrix]:
@@ -176,6 +200,10 @@ class Solver:
         rows, columns = a.pattern(number)
         dense[:, rows, columns] = nonzeros.T
         return dense
+
+
+def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
+    return tuple(np.flatnonzero(np.minimum(decisions - lower, upper - decisions) < 1e-3 * unit).tolist())
 
 
 def _sparse(matrix: Any) -> sp.csc_matrix:

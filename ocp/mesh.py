@@ -49,7 +49,7 @@ class Mesh:
 def mesh_over(times: Array, step: float) -> Mesh:
     """Knots about `step` apart over the samples, laid on sample times wherever one is near.
 
-    Times between knots stay within a factor two of `step`; a gap in the samples is divided evenly.
+    Intervals are between about 0.1 and 1.9 steps long; a gap in the samples is divided evenly.
     """
     span = float(times[-1] - times[0])
     count = max(1, round(span / step))

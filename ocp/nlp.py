@@ -37,7 +37,7 @@ Index = NDArray[np.int64]
 class Values:
     """The numbers of a program that may change without building it anew.
 
-    parameters (np_all,): every model parameter; free ones are overwritten by the decision vector.
+    parameters (np_all,): every model parameter; of the free ones the reference, which is where the decisions are measured from.
     data, target, scale: one array per term, shaped as in `Term`. reference, unit (n + np,): decisions = reference + unit * X.
     base: per term, [dx; x; z; w] of the reference at its places, (S * rows of T, C). gamma: see above.
     """
@@ -49,7 +49,6 @@ class Values:
     reference: Array
     unit: Array
     base: tuple[Array, ...]
-    free: int
     gamma: float = 1.0
 
     def scaled(self, decisions: Array) -> Array:
@@ -62,7 +61,7 @@ class Values:
 
     def packed(self) -> Array:
         """One vector, the program's `p`."""
-        arrays = [self.parameters, self.reference[self.reference.size - self.free :], self.unit, np.array([self.gamma])]
+        arrays = [self.parameters, self.unit, np.array([self.gamma])]
         for term in zip(self.base, self.data, self.target, self.scale, strict=True):
             arrays += [a.ravel(order="F") for a in term]
         return np.concatenate(arrays)
@@ -105,15 +104,16 @@ class Nlp:
 
     def values(self, parameters: Array, *, gamma: float = 1.0) -> Values:
         """The numbers that the terms were made with."""
+        reference = np.zeros(self.size)
+        reference[self.trajectory_size :] = parameters[list(self.free)]
         return Values(
             parameters=parameters,
             data=tuple(t.data for t in self.terms),
             target=tuple(t.target for t in self.terms),
             scale=tuple(t.scale for t in self.terms),
-            reference=np.zeros(self.size),
+            reference=reference,
             unit=np.ones(self.size),
             base=tuple(np.zeros((self.interpolation.rows * t.places, t.columns)) for t in self.terms),
-            free=len(self.free),
             gamma=gamma,
         )
 
@@ -124,7 +124,9 @@ class Nlp:
         for term, basis in zip(self.terms, self._long_basis, strict=True):
             interval, _ = term.all_places()
             base.append(stacked(self.interpolation.apply(basis, local[:, interval]).astype(np.float64), term.columns))
-        return replace(values, reference=np.array(decisions), base=tuple(base))
+        parameters = values.parameters.copy()
+        parameters[list(self.free)] = decisions[self.trajectory_size :]
+        return replace(values, parameters=parameters, reference=np.array(decisions), base=tuple(base))
 
     @cached_property
     def _long_basis(self) -> tuple[NDArray[np.longdouble], ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -27,8 +28,29 @@ class Pieces:
     offsets: tuple[int, ...]
     soft: tuple[int, ...]
 
+    def balances(self) -> Any:
+        """The soft rows without their residual forces, M(p_ref) M(p)^-1 F: what a function over (dx, x, z, u, p, t, p_ref) needs.
+
+        F = M dx' - forces is an implicit equation of the accelerations: read as a density of trajectories it carries det M(p), without
+        which inertias come out too small, by about (rms residual force / rms inertial force)^2. In this form the determinant is that of
+        M(p_ref), whatever p, and at p_ref = p, where a solve ends, the rows are F itself.
+        """
+        dae, rows = self.dae, self.rows_of(self.soft)
+        F = ca.substitute(dae.residual[rows], dae.w, ca.SX.zeros(dae.w.shape[0]))
+        positions = {i for i, _, _ in dae.kinematics}
+        fastest = [i for i in set(ca.jacobian_sparsity(F, dae.dx).get_col()) if i not in positions]
+        M = ca.jacobian(F, ca.vertcat(*(dae.dx[i] for i in sorted(fastest)))) if fastest else ca.SX(len(rows), 0)
+        if M.shape[1] != len(rows) or ca.sprank(M) < len(rows):
+            return F
+        return ca.substitute(M, dae.p, self.p_ref) @ ca.solve(M, F)
+
+    @cached_property
+    def p_ref(self) -> Any:
+        """The parameters at which a solve starts: the program's own, before the free ones are put in."""
+        return ca.SX.sym("p_ref", self.dae.p.shape[0])
+
     def function(self, name: str, expression: Any) -> Any:
-        """`expression` of the model as a function (v = [dx; x; z; w_soft], p, d = [u; t]); other residual forces are zero."""
+        """`expression` of the model as a function (v = [dx; x; z; w_soft], p, p_ref, d = [u; t]); other residual forces are zero."""
         dae = self.dae
         w = ca.SX.sym("w", self.interpolation.forces)
         forces = ca.SX.zeros(dae.w.shape[0])
@@ -37,10 +59,11 @@ class Pieces:
         v, d = ca.SX.sym("v", self.interpolation.rows), ca.SX.sym("d", dae.u.shape[0] + 1)
         nx, nz = self.interpolation.states, self.interpolation.algebraics
         dx, x, z, w_v = ca.vertsplit(v, [0, nx, 2 * nx, 2 * nx + nz, self.interpolation.rows])
-        inner = ca.Function("model", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t], [expression])
+        inner = ca.Function("model", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t, self.p_ref], [expression])
         forces = ca.substitute(forces, w, w_v) if self.interpolation.forces else forces
-        p = ca.SX.sym("p", dae.p.shape[0])
-        return ca.Function(name, [v, p, d], [ca.densify(inner(dx, x, z, d[:-1], p, forces, d[-1]))], ["v", "p", "d"], ["phi"])
+        p, p_ref = ca.SX.sym("p", dae.p.shape[0]), ca.SX.sym("p_ref", dae.p.shape[0])
+        phi = ca.densify(inner(dx, x, z, d[:-1], p, forces, d[-1], p_ref))
+        return ca.Function(name, [v, p, p_ref, d], [phi], ["v", "p", "p_ref", "d"], ["phi"])
 
     def intervals(self, of_horizons: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
         """Interval numbers over all horizons from numbers within each."""

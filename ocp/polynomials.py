@@ -63,7 +63,7 @@ def cardinal_basis(nodes: Array) -> tuple[Polynomial, ...]:
     basis = []
     for j, node in enumerate(nodes):
         others = np.delete(nodes, j)
-        basis.append(Polynomial.fromroots(others) / np.prod(node - others))
+        basis.append(Polynomial.fromroots(others) / np.prod(node - others) if len(others) else Polynomial([1.0]))
     return tuple(basis)
 
 

@@ -55,4 +55,4 @@ def _linear_at(t: Transcription, number: int, decisions: Array, parameters: Arra
     v = ip.apply(basis, t.nlp.local(decisions[: t.nlp.trajectory_size])[:, t.offsets[number] : t.offsets[number] + count])
     times = horizon.mesh.knots[:-1] + horizon.mesh.steps / 2
     dx, x, z = v[: ip.states], v[ip.states : 2 * ip.states], v[2 * ip.states : 2 * ip.states + ip.algebraics]
-    return linearise(t.dae, dx, x, z, horizon.input_at(times), times, parameters, t.soft)
+    return linearise(t.dae, dx, x, z, horizon.input_at(times), horizon.clock + times, parameters, t.soft)

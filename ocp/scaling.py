@@ -43,7 +43,7 @@ def _units(solver: Solver, decisions: Array, values: Values) -> Array:
         seen = diagonal[same] > 0
         size = float(np.sqrt(np.mean(decisions[same] ** 2)))
         deviation = float(np.median(diagonal[same][seen] ** -0.5)) if seen.any() else np.inf
-        unit[nlp.index[column]] = min(deviation, size or np.inf) if min(deviation, size or np.inf) < np.inf else 1.0
+        unit[nlp.index[column]] = min(deviation, size or 1.0)
     for k in range(n, nlp.size):
         unit[k] = diagonal[k] ** -0.5 if diagonal[k] > 0 else abs(decisions[k]) or 1.0
     return unit

@@ -126,9 +126,9 @@ class Solution:
 
     @property
     def _known(self) -> NDArray[np.int64]:
-        """Decisions known exactly: initial states with standard deviation zero."""
+        """Decisions that cannot move: initial states with standard deviation zero, and what is held by a bound."""
         exact = np.array([h.initial_std == 0 for h in self.transcription.horizons])
-        return np.asarray(self.transcription.starts[exact], dtype=np.int64)
+        return np.union1d(self.transcription.starts[exact], np.array(self.solved.on_bound, dtype=np.int64)).astype(np.int64)
 
     def _outputs(self, samples: int) -> Array:
         """Outputs of the polynomials at all samples, also the missing ones, (ny, all samples)."""

@@ -54,10 +54,11 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     terms = []
     for name, rows, scale in (("balances", soft, 1.0 / std), ("equations", hard, np.ones(len(hard)))):
         if rows:
+            expression = pieces.balances() if name == "balances" else dae.residual[rows]
             terms.append(
                 Term(
                     name=name,
-                    function=pieces.function(name, dae.residual[rows]),
+                    function=pieces.function(name, expression),
                     interval=np.arange(len(steps)),
                     nodes=places,
                     moments=moments,

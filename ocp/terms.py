@@ -2,7 +2,7 @@
 
 A term looks at the model at some places of an interval and gathers what it sees into one column of rows:
 
-    m[k, :] = sum over places s of moments[s, k] phi(v_s, p, d_s)            v_s = [dx; x; z; w] at place s = T(tau_s, h) l_i
+    m[k, :] = sum over places s of moments[s, k] phi(v_s, p, p_ref, d_s)            v_s = [dx; x; z; w] at place s = T(tau_s, h) l_i
     r = (m - target) * scale                                                 all rows of the column below each other
 
 Two kinds: columns with a place of their own each (samples, initial states), and columns over whole intervals with the same places in
@@ -25,7 +25,7 @@ from .polynomials import Array
 class Term:
     """One family of residuals or constraints, in C columns.
 
-    function: casadi.Function (v, p, d) -> phi, shapes (rows of T), (all parameters), (nd) -> (m).
+    function: casadi.Function (v, p, p_ref, d) -> phi, shapes (rows of T), (all parameters) twice, (nd) -> (m); p_ref: `Values`.
     interval (C,): of every column. tau (C,): its place there; or nodes (S,): the same places in all.
     moments (S, K): None is the identity, every node a row group of its own.
     data (S nd, C): what belongs to the places (held inputs, ...), one place below the other. target, scale (K m, C).

@@ -132,7 +132,7 @@ def _samples(pieces: Pieces) -> Term:
     """Outputs at the samples, (y - target)/std; a missing sample has weight zero."""
     dae = pieces.dae
     located = [h.mesh.locate(h.time) for h in pieces.horizons]
-    data = [np.vstack([h.input_at(h.time), h.time]) for h in pieces.horizons]
+    data = [np.vstack([h.input_at(h.time), h.clock + h.time]) for h in pieces.horizons]
     target = np.concatenate([h.target for h in pieces.horizons]).T
     std = np.concatenate([np.broadcast_to(h.target_std, h.target.shape) for h in pieces.horizons]).T
     there = np.isfinite(target)
@@ -152,7 +152,7 @@ def _initial(pieces: Pieces) -> list[Term]:
     dae = pieces.dae
     first = np.array(pieces.offsets[:-1])
     common: dict[str, Any] = {"interval": first, "tau": np.zeros(len(first))}
-    data = np.hstack([np.vstack([h.input_at(h.time[:1]), h.time[:1]]) for h in pieces.horizons])
+    data = np.hstack([np.vstack([h.input_at(h.time[:1]), h.clock + h.time[:1]]) for h in pieces.horizons])
     terms = []
     std = np.array([h.initial_std for h in pieces.horizons]).T
     known = np.isfinite(std) & (std > 0)
