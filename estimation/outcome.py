@@ -140,6 +140,12 @@ def _share_with_room(solution: Solution) -> float:
 def _notes(problem: Problem, choice: Choice, stds: list[dict[str, float]]) -> tuple[str, ...]:
     """How every weight came about, in a sentence each."""
     dae, t, notes = problem.dae, choice.solution.transcription, []
+    held = [r.name for r in problem.recordings if r.role == "held_out"]
+    if held:
+        notes.append(f"Held out, and not used for smoothing: {', '.join(held)}.")
+    for i, info in enumerate(dae.parameters):
+        if info.smoothing and info.name not in problem.parameters and choice.solution.parameters[i] != info.value:
+            notes.append(f"{info.name} was chosen: {choice.solution.parameters[i]:.3g} {info.unit}, one percent of the rms velocity there.")
     unseen = unseen_states(problem)
     if unseen and problem.free:
         notes.append(f"No output shows {', '.join(unseen)}: it started from the model at the guesses, on which the answer may depend.")

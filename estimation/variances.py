@@ -23,6 +23,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 ROUNDS = 12
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
+LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a fit that swallows the noise
 LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
 BOLDEST = 4.0  # times the fixed point's own step, at most
 FARTHEST = 30.0  # largest factor of one round
@@ -64,7 +65,7 @@ def choose_weights(
     if open_forces or open_outputs:
         settled = False
         families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
-        families += [Family("samples", i, -np.inf) for i in open_outputs]
+        families += [Family("samples", i, float(np.log(LEAST_NOISE))) for i in open_outputs]
         for rounds in range(1, ROUNDS + 1):
             solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
             start, iterations = solution.solved.decisions, iterations + solution.solved.iterations

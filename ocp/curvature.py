@@ -115,7 +115,10 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     left = np.abs(np.linalg.eigvalsh(S / np.outer(own, own))) if np.all(own > 0) else np.ones(1)
     if left.size and left.min() < ROUNDING:
         raise np.linalg.LinAlgError("what the data say of a border unknown is no more than rounding")
-    negative = tree.negative_eigenvalues + int(np.sum(eigenvalues < 0))
+    # The blocks are determined by the border whatever the data; their own inertia is that of a sum of squares, and counting the
+    # signs of their pivots would only count rounding. What the data must determine is the border.
+    held = at.border - nlp.interpolation.states * len(at.starts) - len(nlp.free)
+    definite = int(np.sum(eigenvalues < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
     C = np.linalg.inv(S)
     C = (C + C.T) / 2
     C[gone], C[:, gone] = 0.0, 0.0
@@ -126,7 +129,7 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
         parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
         interval_covariance=local * scale[:, :, None] * scale[:, None, :],
         log_determinant=tree.log_abs_determinant + float(np.sum(np.log(np.abs(eigenvalues)))),
-        definite=negative == jacobian.shape[0],
+        definite=definite,
     )
 
 

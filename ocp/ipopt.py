@@ -22,7 +22,7 @@ class Status(Enum):
     """How a solve ended; the value is the sentence to show."""
 
     SOLVED = "Solved to the tolerance asked for."
-    ACCEPTABLE = "Solved as closely as rounding allows."
+    ACCEPTABLE = "Solved; the last digits are rounding."
     ITERATIONS = "Stopped at the limit of iterations before convergence."
     INFEASIBLE = "No point was found that satisfies the constraints."
     NUMERICS = "Stopped by numerical trouble: the functions gave values that are not finite, or steps became too small."

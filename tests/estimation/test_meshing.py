@@ -22,7 +22,7 @@ def meshed(force_std: float, *, std: float = 1e-3, step: float | None = None, dt
     recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": std})
     problem = Problem(model=MODEL, recordings=[recording], parameters={"mass.m": Free(2.0)}, weights=Weights(W={"mass": force_std}))
     stds, _ = output_stds(problem)
-    followed = follow(MODEL, [make_horizon(MODEL, recording, stds[0], {}, 2 * longest_step(problem))], problem.values)
+    followed = follow(MODEL, [make_horizon(MODEL, recording, stds[0], {}, 2 * longest_step(recording))], problem.values)
     return mesh(problem, followed, stds, {0: force_std}, problem.values, 2, step)
 
 

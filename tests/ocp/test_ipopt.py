@@ -26,16 +26,17 @@ def solve(
 
 
 def test_a_solution_is_a_stationary_point_on_the_constraints():
-    solver, solved = solve()
+    # the reference parameters must have come to rest as well
+    solver, solved = solve(Options(drift=1e-8, max_passes=20))
     assert solved.status.converged
-    values = solver.nlp.values(PARAMETERS)
-    a, p = solver.nlp.assembled, values.packed()
-    gradient, jacobian = np.array(a.grad(solved.decisions, p)[1]).ravel(), np.array(a.jac(solved.decisions, p)[1])
+    values = solver.nlp.about(solver.nlp.values(PARAMETERS), solved.decisions)
+    a, p, here = solver.nlp.assembled, values.packed(), np.zeros(solver.nlp.size)
+    gradient, jacobian = np.array(a.grad(here, p)[1]).ravel(), np.array(a.jac(here, p)[1])
     multipliers = np.linalg.lstsq(jacobian.T, -gradient, rcond=None)[0]
     size = np.linalg.norm(jacobian) * np.linalg.norm(multipliers) + np.linalg.norm(gradient)
     assert np.linalg.norm(gradient + jacobian.T @ multipliers) < 1e-5 * size
-    assert np.abs(np.array(a.g(solved.decisions, p))).max() < 1e-6
-    assert solved.cost == pytest.approx(float(a.f(solved.decisions, p)), rel=1e-9)
+    assert np.abs(np.array(a.g(here, p))).max() < 1e-6
+    assert solved.cost == pytest.approx(float(a.f(here, p)), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +68,9 @@ def test_a_bound_is_kept():
 def test_progress_tells_each_stage():
     told: list[str] = []
     solve(Options(gauss_newton_iterations=1, tolerance=1e-10), progress=told.append)
-    assert [line.split(":")[0] for line in told] == ["Gauss-Newton", "Newton"]
+    stages = [line.split(":")[0] for line in told]
+    assert stages[0] == "Gauss-Newton"
+    assert set(stages[1:]) == {"Newton"}
     told.clear()
     solve(Options(gauss_newton_iterations=1, tolerance=1e-10), newton=False, progress=told.append)
     assert [line.split(":")[0] for line in told] == ["Gauss-Newton"]
