@@ -118,5 +118,7 @@ def _say(options: Options, result: dict[str, Any], table: Callable[[], Any], out
     elif not options.quiet:
         screen = console()
         screen.print(table())
+        for note in result.get("notes", ()):
+            screen.print(f"- {note}", soft_wrap=True, highlight=False, markup=False)
         written = "report.html" if (out / "report.html").exists() else "result.json"
         screen.print(f"results: {out / written}", soft_wrap=True, highlight=False, markup=False)

@@ -66,7 +66,8 @@ class Options:
 
     tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
     estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
-    drift: relative change of a parameter from its reference beyond which a solve goes on from where it arrived, max_passes times at most.
+    drift: relative change of a parameter that the terms refer to beyond which a solve goes on from where it
+    arrived, max_passes times at most.
     """
 
     tolerance: float = 1e-6
@@ -164,7 +165,8 @@ class Solver:
                 multipliers = np.asarray(answer["lam_g"], dtype=np.float64).ravel()
             if progress is not None:
                 progress(f"{'Newton' if gamma else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
-            moved = np.abs(decisions[n:] - here.reference[n:]) > self.options.drift * np.abs(decisions[n:])
+            now, then = decisions[n:][self.nlp.referred], here.reference[n:][self.nlp.referred]
+            moved = np.abs(now - then) > self.options.drift * np.abs(now)
             if status.converged and not np.any(moved):
                 break
             if not status.converged:

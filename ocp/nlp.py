@@ -98,6 +98,12 @@ class Nlp:
         return sum(t.target.size for t in self.terms if t.equality)
 
     @cached_property
+    def referred(self) -> NDArray[np.int64]:
+        """Which of the free parameters the terms also take at the reference (places in `free`)."""
+        used = {i for t in self.terms for i in t.function.jac_sparsity(0, 2).get_col()}
+        return np.array([k for k, i in enumerate(self.free) if i in used], dtype=np.int64)
+
+    @cached_property
     def assembled(self) -> Assembled:
         """The program as CasADi functions of (X, p)."""
         return Assembled(self)
