@@ -15,6 +15,8 @@ from typing import Annotated
 
 import typer
 
+from .interrupt import remembered
+
 DONE, FAULT, BAD_INPUT, NO_CONVERGENCE, INTERRUPTED = 0, 1, 2, 3, 130
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # typer's own base of all mistakes on the command line
 
@@ -40,12 +42,13 @@ Json = Annotated[bool, typer.Option("--json", help="Print result.json on standar
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit status; no exception leaves, but for BACKSIGHT_TRACEBACK=1."""
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), remembered():
             if not sys.warnoptions:
                 warnings.simplefilter("ignore")
             status = app(args=None if arguments is None else list(arguments), prog_name="backsight", standalone_mode=False)
         return status if isinstance(status, int) else DONE
     except KeyboardInterrupt:
+        sys.stderr.write("interrupted: nothing was written\n")
         return INTERRUPTED
     except Exception as error:
         return _report(error)

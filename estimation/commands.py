@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .interrupt import check
 from .output import json_text, results_folder, write_estimates, write_result
 from .result_json import result_of_simulation, result_of_smoothing
 from .study import Study
@@ -106,10 +107,15 @@ def _progress(options: Options) -> Iterator[Progress]:
     """What is being done, on standard error while it is a terminal."""
     screen = console(stderr=True)
     if options.quiet or not screen.is_terminal:
-        yield lambda _: None
+        yield lambda _: check()
         return
     with screen.status("starting") as status:
-        yield status.update
+
+        def say(text: str) -> None:
+            check()
+            status.update(text)
+
+        yield say
 
 
 def _say(options: Options, result: dict[str, Any], table: Callable[[], Any], out: Path) -> None:

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from backsight.models.errors import InputError
 
+from .interrupt import check
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -34,6 +36,7 @@ def results_folder(out: Path) -> Iterator[Path]:
         raise InputError(f"--out {out}: {base} cannot be written to ({error.strerror or error}); choose another folder") from None
     try:
         yield partial
+        check()
         try:
             _move(partial, out, base)
         except OSError as error:
