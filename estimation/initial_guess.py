@@ -40,22 +40,22 @@ def balance(problem: Problem, followed: Followed, parameters: Array) -> Balance:
     residual = dae.residual[rows]
     now = np.hstack(_probe(dae, followed, parameters, residual))
     if free and now.size:
-        slope = np.hstack(_probe(dae, followed, parameters, ca.vec(ca.jacobian(residual, dae.p)[:, free]).T.T))
+        slope = np.hstack(_probe(dae, followed, parameters, ca.vec(ca.jacobian(residual, dae.p)[:, free])))
         J = slope.reshape(len(free), len(rows), -1).transpose(1, 2, 0).reshape(-1, len(free))
-        unit = np.sqrt(np.mean(J**2, axis=0))
-        usable = unit > 0
         size = np.sqrt(np.mean(now**2, axis=1)) + 1e-300
         scaled = J / np.repeat(size, now.shape[1])[:, None]
+        unit = np.sqrt(np.mean(scaled**2, axis=0))
+        usable = unit > 0
         step = np.zeros(len(free))
-        step[usable] = np.linalg.lstsq(scaled[:, usable], -(now / size[:, None]).ravel(), rcond=1e-6)[0]
+        step[usable] = np.linalg.lstsq(scaled[:, usable] / unit[usable], -(now / size[:, None]).ravel(), rcond=1e-6)[0] / unit[usable]
         trial = parameters.copy()
         trial[free] = [_inside(problem, i, parameters[i] + s) for i, s in zip(free, step, strict=True)]
         then = np.hstack(_probe(dae, followed, trial, residual))
         if np.sum((then / size[:, None]) ** 2) < np.sum((now / size[:, None]) ** 2):
             parameters, now = trial, then
     places = [dae.equations[r].place for r in rows]
-    step_size = float(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
-    left = np.sqrt(np.mean(now**2, axis=1) * step_size) if now.size else np.ones(len(rows))
+    steps = np.concatenate([h.mesh.steps for h in followed.horizons])
+    left = np.sqrt(np.mean(now**2 * steps, axis=1)) if now.size else np.ones(len(rows))
     return Balance(
         parameters=parameters, force_std={int(k): max(float(s), 1e-12) for k, s in zip(places, left, strict=True) if k is not None}
     )

@@ -1,12 +1,15 @@
 """From a DAE and samples to a nonlinear program and its solution.
 
-horizon.py, mesh.py          what is given: samples, held inputs, knots
-interpolation.py             how unknowns give variables between the knots
-spline.py, collocation.py    two transcriptions of the equations
-transcription.py             the whole problem as terms of a program
-nlp.py, blocks.py            the program and its sparse derivatives
-ipopt.py                     solving it
-curvature.py, solution.py    covariances, and the answer in the terms of the model
+horizon.py, mesh.py                    what is given: samples, held inputs, knots
+interpolation.py, polynomials.py       how unknowns give variables between the knots
+pieces.py, terms.py                    the model's expressions at places of the mesh; what a program is made of
+spline.py, collocation.py              two transcriptions of the equations
+transcription.py                       the whole problem as terms of a program
+nlp.py, assembly.py, blocks.py         the program and its sparse derivatives
+follow.py, scaling.py, linear.py       where a solve starts, in which units, how fast its answer can move
+ipopt.py                               solving it
+curvature.py, blocktridiagonal.py      covariances
+solution.py, readout.py, forces.py     the answer in the terms of the model
 """
 
 from .horizon import Horizon

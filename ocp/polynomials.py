@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # of float64, but where longer numbers are meant to be kept
 
-MAX_DEGREE = 5
-
 
 def gauss(count: int) -> tuple[Array, Array]:
     """Gauss points on (0, 1) and their weights (sum 1); exact for polynomials of degree 2 count - 1."""
