@@ -187,7 +187,11 @@ class Solver:
         """Upper triangle of the Hessian and the Jacobian of the constraints, in the program's units."""
         a, x, p = self.nlp.assembled, values.scaled(decisions), values.packed()
         lam = np.zeros(self.nlp.constraint_count) if multipliers is None else multipliers
-        return _sparse(a.hess(x, p, 1.0, lam)), _sparse(a.jac(x, p)[1])
+        return _sparse(a.hess(x, p, 1.0, lam)), self.jacobian(decisions, values)
+
+    def jacobian(self, decisions: Array, values: Values) -> sp.csc_matrix:
+        """The Jacobian of the constraints, in the program's units."""
+        return _sparse(self.nlp.assembled.jac(values.scaled(decisions), values.packed())[1])
 
     def rows(self, decisions: Array, values: Values) -> list[Array]:
         """The rows r = (m - target) * scale of every term, each (K m, C)."""

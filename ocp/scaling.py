@@ -21,7 +21,7 @@ def scaled(solver: Solver, decisions: Array, values: Values) -> Values:
     values = replace(values, unit=_units(solver, decisions, values))
     if not solver.nlp.constraint_count:
         return values
-    J = abs(solver.hessian(decisions, values)[1]).max(axis=1).toarray().ravel()
+    J = abs(solver.jacobian(decisions, values)).max(axis=1).toarray().ravel()
     scales, start = list(values.scale), 0
     for k, term in enumerate(solver.nlp.terms):
         if term.equality:
