@@ -9,7 +9,7 @@ from .compiler import compile_model
 from .connectors import Planar, Rotational, Translational
 from .dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
 from .errors import BacksightError, InputError, ModelError, SolveError
-from .language import Component, Connector, Equation, Pair, Parameter, Variable, balance, equal, law
+from .language import Component, Connector, Equation, Pair, Parameter, Shared, SignalInput, SignalOutput, Variable, balance, equal, law
 from .model import Model, Output
 from .simulation import Trajectory, simulate
 from .text import equations_text
@@ -32,6 +32,9 @@ __all__ = [
     "Planar",
     "Quantity",
     "Rotational",
+    "Shared",
+    "SignalInput",
+    "SignalOutput",
     "SolveError",
     "Trajectory",
     "Translational",

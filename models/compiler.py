@@ -29,6 +29,7 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
     """
     if not model.components:
         raise ModelError(f"model '{model.name}' has no components; add some")
+    places = tuple(dict.fromkeys([*model.residuals, *places]))
     flat = flatten(model)
     available = {
         e.slot[0]: Place(

@@ -27,3 +27,22 @@ class Planar(Connector):
     """Point of a part that moves in a plane: position x, y [m], force f_x, f_y [N]."""
 
     pairs = (Pair("x", "m", "f_x", "N", "force balance x"), Pair("y", "m", "f_y", "N", "force balance y"))
+
+
+class Frame(Connector):
+    """Axes fixed to a rigid part that moves in a plane: origin x, y [m], angle phi [rad], force f_x, f_y [N], torque tau [N.m].
+
+    Positions, angles, forces and torques are those of the world; the torque is about the origin of the frame.
+    """
+
+    pairs = (
+        Pair("x", "m", "f_x", "N", "force balance x"),
+        Pair("y", "m", "f_y", "N", "force balance y"),
+        Pair("phi", "rad", "tau", "N.m", "torque balance"),
+    )
+
+
+class Electrical(Connector):
+    """Pin of an electrical part: voltage v [V] against the ground of the circuit, current i [A]."""
+
+    pairs = (Pair("v", "V", "i", "A", "current balance"),)

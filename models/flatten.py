@@ -1,7 +1,7 @@
 """Flattening: components and connections -> one list of equations in dotted names, each with its origin.
 
-Connected potentials are equal, flows sum to zero. Before anything numeric, a matching of equations and variables (Dulmage-Mendelsohn) tells
-whether the model can determine its variables at all; x and x' count as the same unknown.
+Connected potentials are equal, flows sum to zero, a signal is what drives it. Before anything numeric, a matching of equations and
+variables (Dulmage-Mendelsohn) tells whether the model can determine its variables at all; x and x' count as the same unknown.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Literal
 import casadi as ca
 
 from .errors import ModelError, suggestion
-from .language import Connector, Equation, Parameter, Variable
+from .language import Component, Connector, Equation, Parameter, Signal, SignalInput, SignalOutput, Variable
 from .model import Model
 from .structure import determination
 
@@ -129,19 +129,9 @@ def flatten(model: Model) -> FlatModel:
     """
     table = _Table()
     equations: list[FlatEquation] = []
-    parameters: dict[str, tuple[Parameter, float, SX]] = {}
+    parameters, scopes = _symbols(model, table)
     for name, component in model.components.items():
-        names: dict[str, Any] = {}
-        for word, parameter in component.declared_parameters.items():
-            symbol = ca.SX.sym(f"{name}.{word}")
-            parameters[f"{name}.{word}"] = (parameter, component.parameters[word], symbol)
-            names[word] = symbol
-        for word, variable in component.declared_variables.items():
-            names[word] = table.add(_flat(f"{name}.{word}", variable))
-        for port, connector in component.declared_connectors.items():
-            names[port] = Scope(table, f"{name}.{port}", dict(_connector_symbols(table, f"{name}.{port}", connector)))
-        declared = component.equations(Scope(table, name, names))
-        equations += _component_equations(name, component, declared)
+        equations += _component_equations(name, component, component.equations(scopes[name]))
     equations += _connection_equations(model, table)
     flat = FlatModel(
         name=model.name,
@@ -156,21 +146,73 @@ def flatten(model: Model) -> FlatModel:
     return flat
 
 
-def _flat(name: str, variable: Variable) -> FlatVariable:
-    return FlatVariable(
-        name=name,
-        unit=variable.unit,
-        rank=2 if variable.state else 1,
-        nominal=variable.nominal,
-        start=variable.start,
-        description=variable.description,
-    )
+def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, float, SX]], dict[str, Scope]]:
+    """Parameters of the flat model, and what every component sees."""
+    parameters = {name: (p, p.default, ca.SX.sym(name)) for name, p in model.parameters.items()}
+    units = _signal_units(model)
+    words: dict[str, dict[str, Any]] = {}
+    for name, component in model.components.items():
+        names = words[name] = {}
+        for word, parameter in component.declared_parameters.items():
+            path = f"{name}.{word}"
+            if path not in model.bindings:
+                parameters[path] = (parameter, component.parameters[word], ca.SX.sym(path))
+            names[word] = parameters[model.bindings.get(path, path)][2]
+        for word, variable in component.declared_variables.items():
+            names[word] = table.add(_flat(model, f"{name}.{word}", variable, variable.unit, 2 if variable.state else 1))
+        for word, signal in component.declared_signals.items():
+            path = f"{name}.{word}"
+            names[word] = table.add(_flat(model, path, signal, units[path], 1 if isinstance(signal, SignalOutput) else 0))
+        for port, connector in component.declared_connectors.items():
+            names[port] = Scope(table, f"{name}.{port}", dict(_connector_symbols(model, table, f"{name}.{port}", connector)))
+    scopes = {name: Scope(table, name, names) for name, names in words.items()}
+    for name, component in model.components.items():
+        for word, shared in component.declared_shared.items():
+            words[name][word] = scopes[_shared(model, name, shared.kind)]
+    return parameters, scopes
 
 
-def _connector_symbols(table: _Table, path: str, connector: Connector) -> Iterator[tuple[str, SX]]:
+def _shared(model: Model, name: str, kind: type[Component]) -> str:
+    """The one component of this kind."""
+    found = [other for other, component in model.components.items() if isinstance(component, kind)]
+    if len(found) != 1:
+        seen = f"has {len(found)} ({', '.join(found)}); keep one" if found else f"has none; add one, e.g. world={kind.__name__}()"
+        raise ModelError(f"{type(model.components[name]).__name__} '{name}' needs the model's {kind.__name__}, and '{model.name}' {seen}")
+    return found[0]
+
+
+def _flat(model: Model, name: str, declared: Variable | Signal, unit: str, rank: int) -> FlatVariable:
+    start = model.start.get(name, declared.start)
+    return FlatVariable(name=name, unit=unit, rank=rank, nominal=declared.nominal, start=start, description=declared.description)
+
+
+def _signal_units(model: Model) -> dict[str, str]:
+    """Units of all signals: a blank one is that of the node, and through a block with blank units only, that of its other side."""
+    units = {f"{n}.{w}": s.unit for n, c in model.components.items() for w, s in c.declared_signals.items()}
+    groups = [{path: model.end(path) for path in members} for members in connection_sets(model)]
+    through = [[f"{n}.{w}" for w in c.declared_signals] for n, c in model.components.items()]
+    alike = [list(group) for group in groups if not any(isinstance(end, Connector) for end in group.values())]
+    alike += [paths for paths in through if not any(units[path] for path in paths)]
+    fixed = {path: end.unit for group in groups for path, end in group.items() if isinstance(end, Variable)}
+    while True:
+        before = dict(units)
+        for paths in alike:
+            known = {u for path in paths if (u := units.get(path) or fixed.get(path))}
+            if len(known) > 1:
+                seen = ", ".join(f"{path} [{units.get(path) or fixed.get(path) or '?'}]" for path in paths)
+                raise ModelError(f"connection of signals: the units of {seen} differ; put a gain between them, or connect others")
+            for path in paths:
+                if known and path in units:
+                    units[path] = next(iter(known))
+        if units == before:
+            return units
+
+
+def _connector_symbols(model: Model, table: _Table, path: str, connector: Connector) -> Iterator[tuple[str, SX]]:
     for pair in connector.pairs:
         for word, unit in ((pair.potential, pair.potential_unit), (pair.flow, pair.flow_unit)):
-            yield word, table.add(FlatVariable(name=f"{path}.{word}", unit=unit, rank=0))
+            name = f"{path}.{word}"
+            yield word, table.add(FlatVariable(name=name, unit=unit, rank=0, start=model.start.get(name, 0.0)))
 
 
 def _component_equations(name: str, component: Any, declared: object) -> Iterator[FlatEquation]:
@@ -214,13 +256,20 @@ def _connection_equations(model: Model, table: _Table) -> Iterator[FlatEquation]
     sets = connection_sets(model)
     joined = {path for members in sets for path in members}
     for name, component in model.components.items():
-        for port in component.declared_connectors:
-            if f"{name}.{port}" not in joined:
+        for port, connector in component.declared_connectors.items():
+            if f"{name}.{port}" in joined:
+                continue
+            if not connector.optional:
                 raise ModelError(
                     f"{type(component).__name__} '{name}': {port} is not connected; connect '{name}.{port}' to a flange or remove '{name}'"
                 )
+            for pair in connector.pairs:
+                path = f"{name}.{port}.{pair.flow}"
+                yield FlatEquation(residual=table.symbols[path], name=f"nothing flows at the open end {path}", component="", kind="equal")
+    yield from _signal_equations(model, table, sets)
     for members in sets:
-        for pair in model.connector(members[0]).pairs:
+        head_end = model.end(members[0])
+        for pair in head_end.pairs if isinstance(head_end, Connector) else ():
             head = table.symbols[f"{members[0]}.{pair.potential}"]
             for other in members[1:]:
                 yield FlatEquation(
@@ -231,3 +280,31 @@ def _connection_equations(model: Model, table: _Table) -> Iterator[FlatEquation]
                 )
             total = sum(table.symbols[f"{path}.{pair.flow}"] for path in members)
             yield FlatEquation(residual=total, name=f"{pair.balance} at the connection {' = '.join(members)}", component="", kind="equal")
+
+
+def _signal_equations(model: Model, table: _Table, sets: list[list[str]]) -> Iterator[FlatEquation]:
+    """Every signal input has one source: a signal output, a variable, or an input of the model."""
+    driven = set(model.inputs.values())
+    sourced = set(driven)
+    for members in sets:
+        ends = [model.end(path) for path in members]
+        if isinstance(ends[0], Connector):
+            continue
+        told = [path for path, end in zip(members, ends, strict=True) if isinstance(end, SignalInput)]
+        sources = [path for path in members if path not in told or path in driven]
+        outputs = [path for path, end in zip(members, ends, strict=True) if isinstance(end, SignalOutput)]
+        if len(outputs) + len(driven & set(members)) > 1:
+            names = ", ".join(dict.fromkeys([*outputs, *(path for path in members if path in driven)]))
+            raise ModelError(f"connection {' = '.join(members)}: driven by more than one source ({names}); keep one")
+        if sources:
+            sourced |= set(told)
+        for other in members[1:]:
+            residual = table.symbols[other] - table.symbols[members[0]]
+            yield FlatEquation(residual=residual, component="", kind="equal", name=f"connection {members[0]} = {other}")
+    for name, component in model.components.items():
+        for word, signal in component.declared_signals.items():
+            if isinstance(signal, SignalInput) and f"{name}.{word}" not in sourced:
+                raise ModelError(
+                    f"{type(component).__name__} '{name}': nothing drives its signal input '{word}'; connect '{name}.{word}' to a signal "
+                    f'output, or name it as an input of the model: inputs={{"{word}": "{name}.{word}"}}'
+                )

@@ -11,7 +11,10 @@
                     "velocity": equal(c.v, c.der(c.s)),
                     "force balance": balance(c.m * c.der(c.v), c.flange.f)}
 
-`c` gives the symbols of one instance. An equation says whether it may carry a residual: a *balance* (a body) carries one from the start,
+`c` gives the symbols of one instance. Causal quantities (a drive's command, a sensor's reading, blocks between them) are signals:
+`f = SignalInput("N")` is the symbol `c.f`. What all components see (gravity) is shared: `world = Shared(World)`.
+
+An equation says whether it may carry a residual: a *balance* (a body) carries one from the start,
 a *law* (an element) when it is asked for, an *equal* (geometry, kinematics) never.
 """
 
@@ -78,9 +81,40 @@ class Pair:
 
 
 class Connector:
-    """Where a component meets others: connected potentials are equal, flows sum to zero. Subclasses name their pairs."""
+    """Where a component meets others: connected potentials are equal, flows sum to zero. Subclasses name their pairs.
+
+    optional: it may stay unconnected, and then nothing flows there.
+    """
 
     pairs: ClassVar[tuple[Pair, ...]] = ()
+
+    def __init__(self, *, optional: bool = False) -> None:
+        self.optional = optional
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A causal quantity: SI unit ("" = that of what it is connected to), typical size, start value."""
+
+    unit: str = ""
+    nominal: float = 1.0
+    start: float = 0.0
+    description: str = ""
+
+
+class SignalInput(Signal):
+    """What a component is told: driven by one SignalOutput or by an input of the model."""
+
+
+class SignalOutput(Signal):
+    """What a component tells: drives any number of SignalInputs, may be measured, may stay unconnected."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The one component of this kind in the model, seen by all others: `c.world.g` for `world = Shared(World)`."""
+
+    kind: type[Component]
 
 
 @dataclass(frozen=True)
@@ -118,19 +152,23 @@ class Component:
     declared_parameters: ClassVar[Mapping[str, Parameter]] = {}
     declared_variables: ClassVar[Mapping[str, Variable]] = {}
     declared_connectors: ClassVar[Mapping[str, Connector]] = {}
+    declared_signals: ClassVar[Mapping[str, Signal]] = {}
+    declared_shared: ClassVar[Mapping[str, Shared]] = {}
     parameters: Mapping[str, float]
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         declared: dict[str, Any] = {}
         for base in reversed(cls.__mro__):
-            declared.update({k: v for k, v in vars(base).items() if isinstance(v, Parameter | Variable | Connector)})
+            declared.update({k: v for k, v in vars(base).items() if isinstance(v, _DECLARATIONS)})
         for name in declared:
             if name in ("der", "time"):
                 raise ModelError(f"{cls.__name__}: '{name}' is a word of the language; give the declaration another name")
         cls.declared_parameters = {k: v for k, v in declared.items() if isinstance(v, Parameter)}
         cls.declared_variables = {k: v for k, v in declared.items() if isinstance(v, Variable)}
         cls.declared_connectors = {k: v for k, v in declared.items() if isinstance(v, Connector)}
+        cls.declared_signals = {k: v for k, v in declared.items() if isinstance(v, Signal)}
+        cls.declared_shared = {k: v for k, v in declared.items() if isinstance(v, Shared)}
 
     def __init__(self, **values: float) -> None:
         kind = type(self).__name__
@@ -161,9 +199,14 @@ class Component:
         values = ", ".join(f"{name}={value:g}" for name, value in self.parameters.items())
         return f"{type(self).__name__}({values})"
 
-    def equations(self, c: Any) -> dict[str, Equation]:
-        """The named equations, written with the symbols `c`: `c.m`, `c.flange.s`, `c.der(c.s)`, `c.time`."""
-        raise NotImplementedError(f"{type(self).__name__} declares no equations")
+    def equations(self, c: Any) -> dict[str, Equation]:  # noqa: ARG002
+        """The named equations, written with the symbols `c`: `c.m`, `c.flange.s`, `c.der(c.s)`, `c.time`; none for mere parameters."""
+        if self.declared_variables or self.declared_connectors or self.declared_signals:
+            raise ModelError(f"{type(self).__name__} declares variables or connectors but no equations; write its equations(self, c)")
+        return {}
+
+
+_DECLARATIONS = (Parameter, Variable, Connector, Signal, Shared)
 
 
 class _Values(Mapping[str, float]):

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from numbers import Real
 from types import MappingProxyType
 from typing import Any
 
 from .errors import ModelError, suggestion
-from .language import Component, Connector
+from .language import Component, Connector, Parameter, Signal, SignalInput, SignalOutput, Variable
 
-_GROUNDS: dict[type[Connector], type[Component]] = {}
+GROUNDS: dict[type[Connector], type[Component]] = {}
 
 
 def ground_of(kind: type[Connector]) -> Callable[[type[Component]], type[Component]]:
     """Class decorator: this component (one connector) is what an element at a one-port place is held against."""
 
     def register(component: type[Component]) -> type[Component]:
-        _GROUNDS[kind] = component
+        GROUNDS[kind] = component
         return component
 
     return register
@@ -37,11 +39,16 @@ class Model:
     """Components joined at their connectors.
 
     components   name -> component
-    connections  pairs of connectors, ("carriage.flange", "screw.flange_b")
-    inputs       name -> the variable that it drives, {"F": "motor.f"}
+    connections  pairs of connectors, ("carriage.flange", "screw.flange_b"), or of signals, ("lag.y", "motor.f")
+    inputs       name -> the variable or signal input that it drives, {"F": "motor.f"}
     outputs      name -> the variable that is measured, {"x": "encoder.s"} or {"x": Output("encoder.s", noise_std=1e-6)}
+    parameters   parameters of the model itself, {"P_1": Parameter("kg.m2", 0.108)}; a dotted name is allowed
+    bindings     parameter of a component -> parameter of the model that it is, {"link_12.J": "P_1"}
+    start        variable -> its value at the start, or a guess of it [SI], {"joint_3.phi": 1.2}
+    states       coordinates that stay states where a closed loop leaves a choice, ("joint_1.phi", "joint_2.phi")
+    residuals    places whose laws carry a residual force from the start, besides the balances of bodies
 
-    Raises ModelError for an unknown component, connector or variable, and for a connection of different kinds.
+    Raises ModelError for an unknown component, connector, variable or parameter, and for a connection of different kinds or units.
     """
 
     name: str
@@ -49,51 +56,33 @@ class Model:
     connections: Sequence[tuple[str, str]] = ()
     inputs: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, str | Output] = field(default_factory=dict)
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    bindings: Mapping[str, str] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
+    states: Sequence[str] = ()
+    residuals: Sequence[str] = ()
     description: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "components", MappingProxyType(dict(self.components)))
+        for name in ("components", "inputs", "outputs", "parameters", "bindings", "start"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "connections", tuple((str(a), str(b)) for a, b in self.connections))
-        object.__setattr__(self, "inputs", MappingProxyType(dict(self.inputs)))
-        object.__setattr__(self, "outputs", MappingProxyType(dict(self.outputs)))
+        object.__setattr__(self, "states", tuple(self.states))
+        object.__setattr__(self, "residuals", tuple(self.residuals))
         object.__setattr__(self, "outputs", MappingProxyType(self.measured))
-        for name, component in self.components.items():
-            if not re.fullmatch(r"[A-Za-z_]\w*", name):
-                raise ModelError(f"model '{self.name}': component name {name!r} must be a word of letters, digits and underscores")
-            if not isinstance(component, Component):
-                hint = f"; write {component.__name__}(...)" if isinstance(component, type) else ""
-                raise ModelError(f"model '{self.name}': component '{name}' is {component!r}, which is no component{hint}")
+        self._check_components()
         for a, b in self.connections:
-            kind_a, kind_b = self.connector(a), self.connector(b)
-            if type(kind_a) is not type(kind_b):
-                raise ModelError(
-                    f"connection {a} = {b}: a {type(kind_a).__name__} flange cannot be joined to a {type(kind_b).__name__} "
-                    "one; put a rack or gear between them, or name other flanges"
-                )
-            if a == b:
-                raise ModelError(f"connection {a} = {b}: a flange cannot be joined to itself; name two flanges")
-        for what, variables in (("input", self.inputs), ("output", {k: v.variable for k, v in self.measured.items()})):
-            for name, variable in variables.items():
-                self._check_variable(what, name, variable)
-        driven = list(self.inputs.values())
-        for name, variable in self.inputs.items():
-            if driven.count(variable) > 1:
-                raise ModelError(f"input '{name}': '{variable}' is driven by more than one input; keep one")
+            self._check_connection(a, b)
+        self._check_names()
+        self._check_bindings()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuild, (
-            {
-                "name": self.name,
-                "components": dict(self.components),
-                "connections": self.connections,
-                "inputs": dict(self.inputs),
-                "outputs": dict(self.outputs),
-                "description": self.description,
-            },
-        )
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return _rebuild, ({name: dict(value) if isinstance(value, Mapping) else value for name, value in values.items()},)
 
     def __hash__(self) -> int:
-        return hash((self.name, tuple(self.components.items()), self.connections, tuple(self.inputs.items()), tuple(self.outputs.items())))
+        values = (getattr(self, f.name) for f in fields(self))
+        return hash(tuple(tuple(value.items()) if isinstance(value, Mapping) else value for value in values))
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{name}={component!r}" for name, component in self.components.items())
@@ -118,89 +107,158 @@ class Model:
 
     def connector(self, path: str) -> Connector:
         """The connector at "carriage.flange", or ModelError with the nearest one."""
-        name, dot, port = path.partition(".")
-        connectors = self.component(name).declared_connectors
-        if not dot or port not in connectors:
-            known = [f"{name}.{port}" for port in connectors]
-            raise ModelError(f"'{path}' is no connector of {type(self.components[name]).__name__} '{name}'; {suggestion(path, known)}")
-        return connectors[port]
+        end = self.end(path)
+        if not isinstance(end, Connector):
+            known = [f"{_owner(path)}.{port}" for port in self.component(_owner(path)).declared_connectors]
+            raise ModelError(f"'{path}' is a {type(end).__name__}, not a connector; {suggestion(path, known)}")
+        return end
+
+    def end(self, path: str) -> Connector | Signal | Variable:
+        """What a connection may end at: a connector, a signal or a variable; ModelError with the nearest one for anything else."""
+        name, dot, word = path.partition(".")
+        component = self.component(name)
+        for declared in (component.declared_connectors, component.declared_signals, component.declared_variables):
+            if dot and word in declared:
+                found: Connector | Signal | Variable = declared[word]
+                return found
+        known = [f"{name}.{word}" for word in (*component.declared_connectors, *component.declared_signals)]
+        raise ModelError(f"'{path}' is no connector of {type(component).__name__} '{name}'; {suggestion(path, known)}")
 
     def connect(self, a: str, b: str, *more: str) -> Model:
-        """The model with these flanges joined (all of them in one node)."""
+        """The model with these flanges (or signals) joined, all of them in one node."""
         return replace(self, connections=(*self.connections, *((a, other) for other in (b, *more))))
 
     def insert(self, place: str, component: Component, name: str | None = None) -> Model:
         """The model with `component` added at a place.
 
-        A place with one flange ("carriage", or a flange by name, "screw.flange_a"): a component with one flange is joined to it, one with
-        two stands between it and ground, which is added where the model has none. A place with two flanges ("screw"): in parallel with it.
+        A place with one flange of the component's kind ("carriage", or a flange by name, "screw.flange_a"): a component with one flange is
+        joined to it, one with two stands between it and ground, which is added where the model has none. A place with two ("screw"): in
+        parallel with it. "input:F" and "sensor:x": a block with one signal input and one output is put into the input or behind the output.
         """
-        name = name or self._free_name(type(component).__name__.lower())
-        if name in self.components:
-            raise ModelError(f"insert at '{place}': the model already has a component '{name}'; choose another name or use replace()")
-        ports = [place] if "." in place else [f"{place}.{port}" for port in self.component(place).declared_connectors]
-        kind = type(self.connector(ports[0])) if ports else Connector
-        own = [f"{name}.{port}" for port in component.declared_connectors]
-        wrong = [type(c).__name__ for c in component.declared_connectors.values() if type(c) is not kind]
-        if wrong:
-            raise ModelError(
-                f"insert at '{place}': {type(component).__name__} has a {wrong[0]} flange, the place is {kind.__name__}; "
-                "choose the component for that kind"
-            )
-        grown = replace(self, components={**self.components, name: component})
-        if len(ports) == len(own) == 1 or len(ports) == len(own) == 2:
-            return replace(grown, connections=(*grown.connections, *zip(ports, own, strict=True)))
-        if len(ports) == 1 and len(own) == 2:
-            grown, ground = grown._ground(kind)
-            return replace(grown, connections=(*grown.connections, (ports[0], own[0]), (own[1], ground)))
-        options = " or ".join(f"'{port}'" for port in ports)
-        raise ModelError(
-            f"insert at '{place}': {type(component).__name__} has {len(own)} flange(s), the place has {len(ports)}; "
-            + (f"name one flange: {options}" if ports else "choose a component with flanges")
-        )
+        from .insertion import insert
+
+        return insert(self, place, component, name)
 
     def replace(self, name: str, component: Component) -> Model:
-        """The model with the component `name` exchanged, connections kept."""
+        """The model with the component `name` exchanged, connections kept; bindings of parameters that the new one lacks go."""
         self.component(name)
-        return replace(self, components={**self.components, name: component})
+        kept = {
+            path: to
+            for path, to in self.bindings.items()
+            if _owner(path) != name or path.partition(".")[2] in component.declared_parameters
+        }
+        return replace(self, components={**self.components, name: component}, bindings=kept)
 
-    def with_values(self, **values: Mapping[str, float]) -> Model:
-        """The model with parameter values changed: `model.with_values(carriage={"m": 90.0})`."""
-        changed = {name: self.component(name).with_values(**own) for name, own in values.items()}
-        return replace(self, components={**self.components, **changed})
+    def with_values(self, **values: float | Mapping[str, float]) -> Model:
+        """The model with parameter values changed: `with_values(carriage={"m": 90.0})`, or the model's own: `with_values(P_1=0.1)`."""
+        components, parameters = dict(self.components), dict(self.parameters)
+        for name, value in values.items():
+            if isinstance(value, Mapping):
+                components[name] = self.component(name).with_values(**value)
+            elif name in parameters:
+                parameters[name] = replace(parameters[name], default=float(value))
+            else:
+                raise ModelError(
+                    f"with_values({name}={value!r}): model '{self.name}' has no parameter '{name}' of its own; "
+                    + suggestion(name, parameters)
+                )
+        return replace(self, components=components, parameters=parameters)
 
     def without(self, name: str) -> Model:
         """The model without the component `name` and its connections; grounds left with nothing to hold go with it."""
+        from .insertion import idle_grounds
+
         self.component(name)
         for what, signals in (("input", self.inputs), ("output", {k: v.variable for k, v in self.measured.items()})):
             for signal, variable in signals.items():
-                if variable.startswith(f"{name}."):
+                if _owner(variable) == name:
                     raise ModelError(f"without('{name}'): {what} '{signal}' is its variable '{variable}'; point the {what} elsewhere first")
         kept = tuple((a, b) for a, b in self.connections if name not in (_owner(a), _owner(b)))
-        held, holding = {_owner(end) for pair in self.connections for end in pair}, {_owner(end) for pair in kept for end in pair}
-        grounds = tuple(_GROUNDS.values())
-        idle = {n for n, c in self.components.items() if isinstance(c, grounds) and n in held and n not in holding}
-        return replace(self, components={n: c for n, c in self.components.items() if n != name and n not in idle}, connections=kept)
+        gone = {name, *idle_grounds(self, kept)}
 
-    def _ground(self, kind: type[Connector]) -> tuple[Model, str]:
-        if kind not in _GROUNDS:
-            raise ModelError(f"there is no ground for {kind.__name__} flanges; connect the second flange yourself")
-        ground = _GROUNDS[kind]
-        name = next((n for n, c in self.components.items() if isinstance(c, ground)), None)
-        model = self
-        if name is None:
-            name = self._free_name("ground")
-            model = replace(self, components={**self.components, name: ground()})
-        return model, f"{name}.{next(iter(ground.declared_connectors))}"
+        def stays(path: str) -> bool:
+            return _owner(path) not in gone
 
-    def _free_name(self, stem: str) -> str:
-        taken = set(self.components)
-        return next(name for name in _numbered(stem) if name not in taken)
+        return replace(
+            self,
+            components={n: c for n, c in self.components.items() if n not in gone},
+            connections=kept,
+            bindings={path: to for path, to in self.bindings.items() if stays(path)},
+            start={path: value for path, value in self.start.items() if stays(path)},
+            states=tuple(path for path in self.states if stays(path)),
+            residuals=tuple(path for path in self.residuals if stays(path)),
+        )
+
+    # --- checks
+
+    def _check_components(self) -> None:
+        for name, component in self.components.items():
+            if not re.fullmatch(r"[A-Za-z_]\w*", name):
+                raise ModelError(f"model '{self.name}': component name {name!r} must be a word of letters, digits and underscores")
+            if not isinstance(component, Component):
+                hint = f"; write {component.__name__}(...)" if isinstance(component, type) else ""
+                raise ModelError(f"model '{self.name}': component '{name}' is {component!r}, which is no component{hint}")
+
+    def _check_connection(self, a: str, b: str) -> None:
+        if a == b:
+            raise ModelError(f"connection {a} = {b}: a flange cannot be joined to itself; name two flanges")
+        ends = self.end(a), self.end(b)
+        if any(isinstance(end, Connector) for end in ends):
+            if type(ends[0]) is not type(ends[1]):
+                raise ModelError(
+                    f"connection {a} = {b}: a {_kind(ends[0])} cannot be joined to a {_kind(ends[1])}; "
+                    "put a component between them that has both (a rack, gear, motor or sensor), or name others"
+                )
+            return
+        if not any(isinstance(end, Signal) for end in ends):
+            raise ModelError(f"connection {a} = {b}: two plain variables cannot be joined; name connectors or signals")
+        units = [end.unit for end in ends if isinstance(end, Signal | Variable)]
+        if all(units) and units[0] != units[1]:
+            raise ModelError(f"connection {a} [{units[0]}] = {b} [{units[1]}]: the units differ; put a gain between them, or name others")
+
+    def _check_names(self) -> None:
+        for what, variables in (
+            ("input", self.inputs),
+            ("output", {k: v.variable for k, v in self.measured.items()}),
+            ("start", {name: name for name in self.start}),
+            ("state", {name: name for name in self.states}),
+        ):
+            for name, variable in variables.items():
+                self._check_variable(what, name, variable)
+        for name, value in self.start.items():
+            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+                raise ModelError(f"start '{name}' = {value!r}: a finite number is needed")
+        driven = list(self.inputs.values())
+        for name, variable in self.inputs.items():
+            if driven.count(variable) > 1:
+                raise ModelError(f"input '{name}': '{variable}' is driven by more than one input; keep one")
+            if isinstance(self.component(_owner(variable)).declared_signals.get(variable.partition(".")[2]), SignalOutput):
+                raise ModelError(f"input '{name}': '{variable}' is a signal output, which its component drives; name a signal input")
+
+    def _check_bindings(self) -> None:
+        for name in self.parameters:
+            owner, _, word = name.partition(".")
+            if owner in self.components and word in self.components[owner].declared_parameters:
+                raise ModelError(f"parameter '{name}' of model '{self.name}' has the name of a parameter of component '{owner}'; rename it")
+            if not all(re.fullmatch(r"[A-Za-z_]\w*", part) for part in name.split(".")):
+                raise ModelError(f"model '{self.name}': parameter name {name!r} must be words of letters, digits and underscores")
+        for path, to in self.bindings.items():
+            owner, _, word = path.partition(".")
+            declared = self.component(owner).declared_parameters
+            if word not in declared:
+                kind = type(self.components[owner]).__name__
+                raise ModelError(f"binding '{path}': {kind} '{owner}' has no parameter '{word}'; {suggestion(word, declared)}")
+            if to not in self.parameters:
+                raise ModelError(
+                    f"binding '{path}' = '{to}': model '{self.name}' has no parameter '{to}'; {suggestion(to, self.parameters)}"
+                )
+            if declared[word].unit != self.parameters[to].unit:
+                raise ModelError(f"binding '{path}' [{declared[word].unit}] = '{to}' [{self.parameters[to].unit}]: the units differ")
 
     def _check_variable(self, what: str, name: str, variable: str) -> None:
         owner, _, rest = variable.partition(".")
         component = self.component(owner)
-        known = [f"{owner}.{v}" for v in component.declared_variables]
+        known = [f"{owner}.{v}" for v in (*component.declared_variables, *component.declared_signals)]
         known += [
             f"{owner}.{port}.{word}"
             for port, connector in component.declared_connectors.items()
@@ -213,16 +271,14 @@ class Model:
             )
 
 
+def _kind(end: Connector | Signal | Variable) -> str:
+    if isinstance(end, Connector):
+        return f"{type(end).__name__} flange"
+    return "signal input" if isinstance(end, SignalInput) else "signal output" if isinstance(end, SignalOutput) else "variable"
+
+
 def _owner(path: str) -> str:
     return path.partition(".")[0]
-
-
-def _numbered(stem: str) -> Iterable[str]:
-    yield stem
-    count = 2
-    while True:
-        yield f"{stem}_{count}"
-        count += 1
 
 
 def _rebuild(values: dict[str, Any]) -> Model:

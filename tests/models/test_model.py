@@ -113,7 +113,7 @@ def test_connect_joins_several_flanges_in_one_node() -> None:
         ({"components": {"motor": Force(), "body": Mass(), "a.b": Mass()}}, r"component name 'a.b' must be a word"),
         (
             {"components": {"motor": Force(), "body": Inertia()}, "outputs": {}},
-            "connection motor.flange = body.flange: a Translational flange cannot be joined to a Rotational one; put a rack",
+            "connection motor.flange = body.flange: a Translational flange cannot be joined to a Rotational flange; put a component",
         ),
     ],
 )
@@ -128,7 +128,7 @@ def test_wrong_edits_are_refused_with_the_remedy() -> None:
         model.insert("cariage", Damper())
     with pytest.raises(ModelError, match=r"already has a component 'friction'; choose another name"):
         model.insert("carriage", Damper(), name="friction")
-    with pytest.raises(ModelError, match=r"RotationalDamper has a Rotational flange, the place is Translational"):
+    with pytest.raises(ModelError, match=r"RotationalDamper has Rotational flanges, the place is Translational"):
         model.insert("carriage", RotationalDamper())
     with pytest.raises(ModelError, match=r"name one flange: 'screw.flange_a' or 'screw.flange_b'"):
         model.insert("screw", Mass())

@@ -7,7 +7,8 @@ import backsight.models as models
 from backsight.models.mechanics import planar, rotational, translational
 
 NAMES = """BacksightError Component Connector Dae Equation EquationInfo InputError Model ModelError Output Pair Parameter ParameterInfo
-Place Planar Quantity Rotational SolveError Trajectory Translational Variable balance compile_model equal equations_text law simulate"""
+Place Planar Quantity Rotational Shared SignalInput SignalOutput SolveError Trajectory Translational Variable balance compile_model equal
+equations_text law simulate"""
 
 
 def test_the_public_names_are_these_and_exist() -> None:
