@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from backsight.models import Model
+from backsight.models import Dae, Model, SolveError
+from backsight.models.identifiability import identifiability
 
 from .model_source import compiled, load_model
 
@@ -24,16 +25,47 @@ def description(name: str) -> str:
 
 
 def details(name: str) -> dict[str, Any]:
-    """Signals, parameters, places and equations of one model, for other programs."""
+    """Components, connections, signals, parameters, places, equations and what the outputs can tell, for other programs."""
     model = load_model(name, Path(), label="models")
     dae = compiled(model, label=f"models {name}")
+    declared = (
+        {
+            "components": {n: {"kind": type(c).__name__, "parameters": dict(c.parameters)} for n, c in model.components.items()},
+            "connections": [list(pair) for pair in model.connections],
+        }
+        if isinstance(model, Model)
+        else {}
+    )
     return {
         "model": dae.name,
         "description": getattr(model, "description", ""),
+        **declared,
         "inputs": {q.name: q.unit for q in dae.inputs},
         "outputs": {q.name: q.unit for q in dae.outputs},
+        "noise_std": {q.name: q.noise_std for q in dae.outputs},
         "states": {q.name: q.unit for q in dae.states},
-        "parameters": {p.name: {"value": p.value, "unit": p.unit, "min": p.minimum, "max": p.maximum} for p in dae.parameters},
+        "algebraic": {q.name: q.unit for q in dae.algebraics},
+        "index": dae.index,
+        "parameters": {
+            p.name: {"value": p.value, "unit": p.unit, "min": p.minimum, "max": p.maximum, "smoothing": p.smoothing} for p in dae.parameters
+        },
         "places": {p.name: {"unit": p.unit, "enabled": p.enabled, "origin": p.origin} for p in (*dae.places, *dae.dormant_places)},
         "equations": [e.origin for e in dae.equations],
+        "identifiability": _told(dae),
+    }
+
+
+def _told(dae: Dae) -> dict[str, Any]:
+    """Which parameters and states the outputs can tell: names, combinations and sentences; only `notes` where it cannot be judged."""
+    try:
+        found = identifiability(dae)
+    except SolveError as error:
+        return {"notes": [str(error)]}
+    return {
+        "identifiable": dict(found.identifiable),
+        "combinations": [{"parameters": dict(d.changes), "kind": d.kind, "states": list(d.states)} for d in found.directions],
+        "unobservable": list(found.unobservable),
+        "entangled": list(found.entangled),
+        "known": list(found.known),
+        "notes": found.sentences(),
     }

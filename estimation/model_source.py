@@ -1,4 +1,4 @@
-"""The model a study names: a plant of the library, or a function in a Python file of the user's."""
+"""The model a study names: a plant of the library, a function in a Python file of the user's, or a class in a Modelica file."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from backsight.models.errors import InputError, ModelError, suggestion
 
 
 def load_model(text: str, folder: Path, *, label: str) -> Model | Dae:
-    """The model behind "actuator" or "file.py:function"; files are looked for in `folder`.
+    """The model behind "actuator", "file.py:function" or "file.mo:Class"; files are looked for in `folder`.
 
     `label` begins the messages: the study's file and line. Raises InputError; an error in the user's file is given with its line there.
     """
     if text.partition(":")[0].endswith(".mo"):
-        remedy = 'write the model as a Python function, "file.py:function"'
-        raise InputError(f'{label}: model = "{text}": Modelica files need the reader rumoca, which is not installed; {remedy}')
+        return _from_modelica(text, folder, label)
     if text.partition(":")[0].endswith(".py"):
         return _from_file(text, folder, label)
     from backsight.models.plants import PLANTS
 
     if text not in PLANTS:
-        raise InputError(f'{label}: model = "{text}" is no plant; {suggestion(text, PLANTS)} (a model of your own: "file.py:function")')
+        own = 'a model of your own: "file.py:function" or "file.mo:Class"'
+        raise InputError(f'{label}: model = "{text}" is no plant; {suggestion(text, PLANTS)} ({own})')
     model: Model | Dae = PLANTS[text]()
     return model
 
@@ -65,6 +65,18 @@ def _from_file(text: str, folder: Path, label: str) -> Model | Dae:
             f'{label}: model = "{text}": {function}() in {file} returned {model!r:.60} ({type(model).__name__}); it must return a Model'
         )
     return model
+
+
+def _from_modelica(text: str, folder: Path, label: str) -> Model:
+    file, _, name = text.partition(":")
+    from backsight.models.modelica import load_modelica
+
+    try:
+        return load_modelica(folder / file, name)
+    except ModelError as error:
+        raise InputError(f'{label}: model = "{text}": {_one_line(str(error))}') from error
+    except InputError as error:
+        raise InputError(f"{label}: {_one_line(str(error))}") from error
 
 
 def _module(path: Path, file: str, label: str) -> ModuleType:

@@ -22,6 +22,7 @@ ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocit
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 ROOM = 50.0  # factor on the standard deviation of a residual force near rest
 VELOCITIES = ("v_rel", "w_rel", "omega_rel")
+VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,9 +43,10 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
     fixed = [i for i, p in enumerate(dae.parameters) if not isinstance(problem.parameters.get(p.name), Free)]
     numbers = ca.DM(problem.values)
     for index, parameter in enumerate(dae.parameters):
-        if not parameter.smoothing:
-            continue
         component = parameter.name.rsplit(".", 1)[0]
+        presliding = any(q.name.startswith(f"{component}.") for q in dae.states)  # a law with a state of its own holds a body by itself
+        if not parameter.smoothing or parameter.unit not in VELOCITY_UNITS or presliding:
+            continue
         velocity = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)
         slope = ca.jacobian(dae.residual, dae.p[index])
         others = [i for i in fixed if i != index]

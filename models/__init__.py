@@ -6,9 +6,10 @@ simulate(dae, t, {"F": f})    a Trajectory
 """
 
 from .compiler import compile_model
-from .connectors import Planar, Rotational, Translational
+from .connectors import BodyFrame, Electrical, Frame, Planar, Rotational, Translational
 from .dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
 from .errors import BacksightError, InputError, ModelError, SolveError
+from .events import Event
 from .language import Component, Connector, Equation, Pair, Parameter, Shared, SignalInput, SignalOutput, Variable, balance, equal, law
 from .model import Model, Output
 from .simulation import Trajectory, simulate
@@ -16,11 +17,15 @@ from .text import equations_text
 
 __all__ = [
     "BacksightError",
+    "BodyFrame",
     "Component",
     "Connector",
     "Dae",
+    "Electrical",
     "Equation",
     "EquationInfo",
+    "Event",
+    "Frame",
     "InputError",
     "Model",
     "ModelError",

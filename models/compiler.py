@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from .dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
-from .eliminate import Eliminator, Reduced, refuse_dropped
+from .eliminate import Eliminator, Reduced, refuse_dropped, standing
 from .errors import ModelError, suggestion
 from .flatten import FlatEquation, FlatModel, flatten
 from .index_reduction import Semi, reduce_index
+from .linear_blocks import solve_linear_blocks
 from .model import Model
-from .structure import fault
+from .singularity import refuse_singular
+from .state_selection import select_states
+from .structure import fault, incidence
 
 SX = Any
 
@@ -38,42 +40,49 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
         for e in flat.equations
         if e.slot
     }
-    for name in places:
+    asked = [*places, *model.residuals]
+    for name in asked:
         if name not in available:
             raise ModelError(f"model '{model.name}' has no place '{name}' for a residual; {suggestion(name, available)}")
-    slots = {name: ca.SX.sym(f"w[{name}]") for name, place in available.items() if place.enabled or name in places}
-    reduced = Eliminator(flat, set(model.inputs.values()), slots).run()
-    for name in places:
+    slots = {name: ca.SX.sym(f"w[{name}]") for name, place in available.items() if place.enabled or name in asked}
+    known = set(model.inputs.values())
+    reduced = Eliminator(flat, known, slots, kept={o.variable for o in model.measured.values()}, states=model.states).run()
+    flat = reduced.flat
+    system = _semi(flat, reduced, known)
+    if _deficient(system):
+        system = reduce_index(system, flat.time)
+        _refuse_differentiated(model, slots, system)
+    refuse_singular(flat, system)
+    if model.states:
+        system = select_states(flat, system, model.states)
+        if system.index > 1:
+            system, reduced = solve_linear_blocks(flat, system, reduced, slots)
+    for name in asked:
         if name in reduced.merged:
             raise refuse_dropped(name, reduced.merged)
-    system = _semi(flat, reduced, set(model.inputs.values()))
-    if _deficient(system):
-        known = ca.vertcat(*(s for _, _, s in flat.parameters.values()), *(flat.symbols[v] for v in model.inputs.values()), *slots.values())
-        system = reduce_index(system, known, flat.time)
-        _refuse_differentiated(model, slots, system)
-    _refuse_singular(model, flat, system)
     return _assemble(model, flat, reduced, system, slots, available)
 
 
 def _semi(flat: FlatModel, reduced: Reduced, known: set[str]) -> Semi:
     """Sort the surviving variables into states and algebraics, in order of declaration."""
-    present = {s.name() for e in reduced.equations for s in ca.symvar(e.residual)}
-    for name in known:
+    held = [{s.name() for s in ca.symvar(e.residual)} for e in reduced.equations]
+    present = set().union(*held)
+    for name in sorted(known):
         if f"der({name})" in present:
             raise ModelError(
                 f"model '{flat.name}': the input that drives '{name}' would have to be differentiated; drive a force or the "
                 "highest derivative instead"
             )
-    for equation in reduced.equations:
-        if not present & {s.name() for s in ca.symvar(equation.residual)} or not ca.symvar(equation.residual):
+    for equation, symbols in zip(reduced.equations, held, strict=True):
+        if not symbols:
             raise ModelError(
                 f"model '{flat.name}': '{equation.origin}' says what other equations already say, or contradicts them "
                 f"(it became {equation.residual} = 0); remove one of the rigid couplings or fixed points in that loop"
             )
     survivors = [name for name in flat.variables if name not in reduced.definitions and name not in known]
-    states = [name for name in survivors if f"der({name})" in present]
+    states = {name: flat.symbols[name] for name in survivors if f"der({name})" in present}
     return Semi(
-        x=[flat.symbols[n] for n in states],
+        x=list(states.values()),
         dx=[flat.derivatives[n] for n in states],
         z=[flat.symbols[n] for n in survivors if n not in states],
         equations=reduced.equations,
@@ -82,23 +91,14 @@ def _semi(flat: FlatModel, reduced: Reduced, known: set[str]) -> Semi:
     )
 
 
-def _incidence(system: Semi) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    unknown = {s.name(): i for i, s in enumerate([*system.dx, *system.z])}
-    incidence = np.zeros((len(system.equations), len(unknown)), dtype=bool)
-    for row, equation in enumerate(system.equations):
-        for symbol in ca.symvar(equation.residual):
-            if symbol.name() in unknown:
-                incidence[row, unknown[symbol.name()]] = True
-    return incidence
-
-
 def _deficient(system: Semi) -> bool:
     """Whether the highest derivatives are not structurally determined."""
-    return any(fault(_incidence(system)))
+    unknown = [*system.dx, *system.z]
+    return any(fault(incidence(system.equations, {symbol.name(): i for i, symbol in enumerate(unknown)})))
 
 
 def _refuse_differentiated(model: Model, slots: dict[str, SX], system: Semi) -> None:
-    present = {s.name() for s in ca.symvar(ca.vertcat(*system.invariants, 0))}
+    present = {s.name() for row in system.invariants for s in ca.symvar(row.residual)}
     for name, variable in model.inputs.items():
         if variable in present:
             raise ModelError(
@@ -113,47 +113,6 @@ def _refuse_differentiated(model: Model, slots: dict[str, SX], system: Semi) -> 
             )
 
 
-def _refuse_singular(model: Model, flat: FlatModel, system: Semi) -> None:
-    """Equations that depend on each other have a singular Jacobian at every point: look at random ones."""
-    unknown = ca.vertcat(*system.dx, *system.z)
-    rows = ca.vertcat(*(e.residual for e in system.equations))
-    if rows.shape[0] != unknown.shape[0]:
-        raise ModelError(
-            f"model '{model.name}': {rows.shape[0]} equations are left for {unknown.shape[0]} unknowns; "
-            "a coupling is stated twice or missing"
-        )
-    if unknown.shape[0] == 0:
-        return
-    symbols = ca.symvar(ca.vertcat(rows, unknown))
-    jacobian = ca.Function("J", [ca.vertcat(*symbols)], [ca.jacobian(rows, unknown)])
-    typical = np.array([_typical(flat, s.name()) for s in symbols])
-    generator = np.random.default_rng(0)
-    weakest = None
-    for _ in range(4):
-        matrix = np.array(jacobian(typical * generator.uniform(0.5, 1.5, len(typical))))
-        if not np.all(np.isfinite(matrix)):
-            continue
-        matrix = matrix / np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
-        matrix = matrix / np.maximum(np.abs(matrix).max(axis=0, keepdims=True), 1e-300)
-        left, sizes, _ = np.linalg.svd(matrix)
-        if sizes[-1] > 1e-12 * sizes[0]:
-            return
-        weakest = left[:, -1]
-    if weakest is not None:
-        origins = ", ".join(f"'{system.equations[i].origin}'" for i in np.flatnonzero(np.abs(weakest) > 1e-6))
-        raise ModelError(
-            f"model '{model.name}' is singular: the equations {origins} depend on each other and leave a variable free; "
-            "remove the coupling that says the same twice, or give the part without inertia a mass or damper"
-        )
-
-
-def _typical(flat: FlatModel, name: str) -> float:
-    if name in flat.parameters:
-        declared, value, _ = flat.parameters[name]
-        return value or declared.size(value)
-    return flat.variables[name].nominal if name in flat.variables else 1.0
-
-
 def _assemble(model: Model, flat: FlatModel, reduced: Reduced, system: Semi, slots: dict[str, SX], available: dict[str, Place]) -> Dae:
     order = {name: i for i, name in enumerate(flat.variables)}
     pairs = sorted(zip(system.x, system.dx, strict=True), key=lambda pair: order.get(pair[0].name(), len(order)))
@@ -161,21 +120,24 @@ def _assemble(model: Model, flat: FlatModel, reduced: Reduced, system: Semi, slo
     kept = [name for name in slots if name not in reduced.merged]
     place_index = {name: i for i, name in enumerate(kept)}
     dx_symbols = [ca.SX.sym(f"der({name})") for name in x_names]
+    rate_index = {dx.name(): i for i, dx in enumerate(dx_symbols)}
     inputs = {variable: ca.SX.sym(name) for name, variable in model.inputs.items()}
-    old = [*(dx for _, dx in pairs), *(flat.symbols[v] for v in inputs)]
-    new = [*dx_symbols, *inputs.values()]
+    old = _column([*(dx for _, dx in pairs), *(flat.symbols[v] for v in inputs)])
+    new = _column([*dx_symbols, *inputs.values()])
 
-    equations = sorted(system.equations, key=lambda e: _row_key(e, x_names, dx_symbols))
-    residual = [ca.substitute([e.residual], old, new)[0] for e in equations]
-    residual = [_oriented(r, e, dx_symbols) for r, e in zip(residual, equations, strict=True)]
+    equations = sorted(system.equations, key=lambda e: _row_key(e, x_names, rate_index))
+    residual = _renamed((e.residual for e in equations), old, new)
+    residual = [_oriented(r, e, rate_index) for r, e in zip(residual, equations, strict=True)]
     infos = tuple(
         EquationInfo(name=e.name, component=e.component, origin=e.origin, place=place_index.get(e.slot[0]) if e.slot else None)
         for e in equations
     )
     variables = dict(flat.symbols) | reduced.definitions
-    resolved = ca.substitute(list(variables.values()), old, new) if variables else []
-    variables = dict(zip(variables, resolved, strict=True))
-    kinematics = tuple(found for row, r in enumerate(residual) if (found := _kinematic(r, row, x_names, dx_symbols)) is not None)
+    variables = dict(zip(variables, _renamed(variables.values(), old, new), strict=True))
+    own = [new, *(x for x, _ in pairs), *system.z, *(s for _, _, s in flat.parameters.values()), *(slots[name] for name in kept), flat.time]
+    variables = _expressible(model, variables, {s.name() for s in ca.symvar(ca.vertcat(*own))})
+    x_index = {name: i for i, name in enumerate(x_names)}
+    kinematics = tuple(found for row, r in enumerate(residual) if (found := _kinematic(r, row, x_index, rate_index)) is not None)
     return Dae(
         name=model.name,
         x=_column(x for x, _ in pairs),
@@ -204,11 +166,11 @@ def _assemble(model: Model, flat: FlatModel, reduced: Reduced, system: Semi, slo
         ),
         places=tuple(Place(**{**vars(available[name]), "enabled": True}) for name in kept),
         dormant_places=tuple(Place(**{**vars(place), "enabled": False}) for name, place in available.items() if name not in slots),
-        merged_places=MappingProxyType(dict(reduced.merged)),
+        merged_places=MappingProxyType(standing(reduced.merged)),
         residual=_column(residual),
         equations=infos,
         output=_column(variables[o.variable] for o in model.measured.values()),
-        invariants=_column(ca.substitute(system.invariants, old, new) if system.invariants else []),
+        invariants=_column(_renamed((row.residual for row in system.invariants), old, new)),
         kinematics=kinematics,
         index=system.index if system.index else (1 if z_names else 0),
         variables=variables,
@@ -227,21 +189,39 @@ def _quantity(flat: FlatModel, variable: str, name: str | None = None, noise_std
     return Quantity(name=name or variable, unit=v.unit, nominal=v.nominal, description=v.description, start=v.start, noise_std=noise_std)
 
 
-def _row_key(equation: FlatEquation, x_names: list[str], dx_symbols: list[SX]) -> tuple[int, int]:
+def _renamed(expressions: Iterable[SX], old: SX, new: SX) -> list[SX]:
+    """The expressions with symbols replaced and common subexpressions shared, all in one pass."""
+    column = _column(expressions)
+    return list(ca.vertsplit(ca.cse(ca.substitute(column, old, new)))) if column.shape[0] else []
+
+
+def _expressible(model: Model, variables: Mapping[str, SX], known: set[str]) -> dict[str, SX]:
+    """Those that hold no other symbols: not a pruned coordinate, nor the derivative of an input or of what became no state."""
+    foreign = {name: {s.name() for s in ca.symvar(value)} - known for name, value in variables.items()}
+    for name, o in model.measured.items():
+        for symbol in sorted(foreign[o.variable]):
+            quantity = symbol.removeprefix("der(").removesuffix(")")
+            raise ModelError(
+                f"model '{model.name}': for output '{name}' ('{o.variable}') '{quantity}', which no state determines, would have to be "
+                "differentiated; measure another variable, drive a force or the highest derivative, or give the part a mass or spring"
+            )
+    return {name: value for name, value in variables.items() if not foreign[name]}
+
+
+def _row_key(equation: FlatEquation, x_names: list[str], rate_index: Mapping[str, int]) -> tuple[int, int]:
     """Rows in the order of the states whose derivative they hold; algebraic rows and differentiated constraints last."""
-    held = {s.name() for s in ca.symvar(equation.residual)}
-    rows = [i for i, dx in enumerate(dx_symbols) if dx.name() in held]
+    rows = sorted(rate_index[s.name()] for s in ca.symvar(equation.residual) if s.name() in rate_index)
     if not rows or (equation.kind == "equal" and len(rows) > 1):
         return len(x_names), 0
     own = [i for i in rows if x_names[i].startswith(f"{equation.component}.")] if equation.component else []
     return (own or rows)[0], 0 if equation.kind == "equal" else 1
 
 
-def _oriented(residual: SX, equation: FlatEquation, dx_symbols: list[SX]) -> SX:
+def _oriented(residual: SX, equation: FlatEquation, rate_index: Mapping[str, int]) -> SX:
     """Kinematic rows as x' - v."""
     if equation.kind != "equal" or equation.slot:
         return residual
-    held = [s for s in ca.symvar(residual) if any(s.name() == dx.name() for dx in dx_symbols)]
+    held = [s for s in ca.symvar(residual) if s.name() in rate_index]
     if len(held) == 1:
         slope = ca.jacobian(residual, held[0])
         if slope.is_constant() and float(slope) == -1.0:
@@ -249,15 +229,13 @@ def _oriented(residual: SX, equation: FlatEquation, dx_symbols: list[SX]) -> SX:
     return residual
 
 
-def _kinematic(residual: SX, row: int, x_names: list[str], dx_symbols: list[SX]) -> tuple[int, int, int] | None:
+def _kinematic(residual: SX, row: int, x_index: Mapping[str, int], rate_index: Mapping[str, int]) -> tuple[int, int, int] | None:
     """(i, j, row) when the row is exactly x'[i] - x[j]."""
-    symbols = {s.name(): s for s in ca.symvar(residual)}
-    if len(symbols) != 2:
+    symbols = ca.symvar(residual)
+    rates = [s for s in symbols if s.name() in rate_index]
+    states = [s for s in symbols if s.name() in x_index]
+    if len(symbols) != 2 or len(rates) != 1 or len(states) != 1:
         return None
-    rates = [i for i, dx in enumerate(dx_symbols) if dx.name() in symbols]
-    states = [j for j, name in enumerate(x_names) if name in symbols]
-    if len(rates) != 1 or len(states) != 1:
-        return None
-    slopes = [ca.jacobian(residual, symbols[name]) for name in (dx_symbols[rates[0]].name(), x_names[states[0]])]
+    slopes = [ca.jacobian(residual, symbol) for symbol in (rates[0], states[0])]
     exact = all(s.is_constant() for s in slopes) and (float(slopes[0]), float(slopes[1])) == (1.0, -1.0)
-    return (rates[0], states[0], row) if exact else None
+    return (rate_index[rates[0].name()], x_index[states[0].name()], row) if exact else None

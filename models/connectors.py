@@ -42,6 +42,23 @@ class Frame(Connector):
     )
 
 
+class BodyFrame(Connector):
+    """Axes fixed to a rigid body in space: velocity u, v, w [m/s], rates p, q, r [rad/s]; force f_x, f_y, f_z [N], torque tau_x, .. [N.m].
+
+    All along the axes of the body; the velocity is that of the origin, and the torque is about it. The attitude is no potential: what
+    needs it (gravity, wind) sees it as `Shared(RigidBody)`.
+    """
+
+    pairs = (
+        Pair("u", "m/s", "f_x", "N", "force balance x"),
+        Pair("v", "m/s", "f_y", "N", "force balance y"),
+        Pair("w", "m/s", "f_z", "N", "force balance z"),
+        Pair("p", "rad/s", "tau_x", "N.m", "torque balance x"),
+        Pair("q", "rad/s", "tau_y", "N.m", "torque balance y"),
+        Pair("r", "rad/s", "tau_z", "N.m", "torque balance z"),
+    )
+
+
 class Electrical(Connector):
     """Pin of an electrical part: voltage v [V] against the ground of the circuit, current i [A]."""
 

@@ -1,259 +1,207 @@
 """Alias elimination and causal sorting: the flat equations in as few variables as plain algebra allows.
 
-Three rules are applied until none fits. x' denotes a derivative, p parameters; "safe" is a coefficient that is a number or an expression of
-parameters whose bounds keep it from zero.
+Three rules are applied until none fits, then the fourth, and so on. x' denotes a derivative; "safe" is a coefficient that is a number or a
+product of parameters whose bounds keep it from zero.
 
     definition   0 = c v + e,  c safe           ->  v := -e/c everywhere, v' := d/dt(-e/c)     (connectors first, body states last)
     rate         0 = c s' + e, no other x'      ->  s' := -e/c in all other rows; the row stays  (it is the kinematics when it reads v - s')
     merging      balance of a body whose motion was replaced by another's, with a force of constraint  ->  solved for that force
+    pruning      s is nobody's declared state and only s' is left, an ignorable coordinate  ->  s' becomes a variable of its own
 
 Merging puts two rigidly coupled bodies on one row, in one set of coordinates; the residual of the second is then that of the first and is
 dropped. A law whose residual is switched on is never used up, nor is an equation that would need the derivative of an input.
+
+Only the rows that hold a variable are touched when it goes, and definitions are put into each other at the end, last to first: the cost
+grows with the number of equations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from itertools import count
 from typing import Any
 
 import casadi as ca
 
+from .candidates import DEFINITION, KEPT, MERGING, RATE, Candidates, place_of
 from .errors import ModelError
-from .flatten import FlatEquation, FlatModel
+from .flatten import FlatEquation, FlatModel, FlatVariable
+from .rows import Held, Rows
 
 SX = Any
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduced:
-    """What is left: rows over the surviving variables, and every eliminated variable as an expression of them."""
+    """What is left: rows over the surviving variables, and every eliminated variable as an expression of them.
 
+    flat         the flat model without the coordinates that were pruned, and with the rates that were made variables instead
+    definitions  may name a pruned coordinate
+    merged       place that was dropped -> places of the equations that its force went into
+    """
+
+    flat: FlatModel
     equations: list[FlatEquation]
     definitions: dict[str, SX]
-    merged: dict[str, str]  # place that was dropped -> place that stands for it
-
-
-class Held:
-    """An expression with its symbols and slopes, found once. Symbols it does not depend on, as in (s + x) - s, are dropped."""
-
-    def __init__(self, value: SX) -> None:
-        symbols, slopes = _slopes(value)
-        idle = [symbol for symbol, slope in zip(symbols, slopes, strict=True) if slope.is_zero()]
-        if idle:
-            value = ca.substitute([value], idle, [ca.SX(0)] * len(idle))[0]
-            symbols, slopes = _slopes(value)
-        self.value = value
-        self.symbols = {symbol.name(): symbol for symbol in symbols}
-        self.slopes = {symbol.name(): slope for symbol, slope in zip(symbols, slopes, strict=True)}
-
-    @cached_property
-    def rates(self) -> list[str]:
-        """The variables whose derivative occurs."""
-        return [name[4:-1] for name in self.symbols if name.startswith("der(")]
-
-    def replaced(self, old: dict[str, SX], new: list[SX]) -> Held:
-        """The expression with symbols replaced; itself where none of them occurs."""
-        if not any(name in self.symbols for name in old):
-            return self
-        return Held(ca.substitute([self.value], list(old.values()), new)[0])
-
-    def solved_for(self, name: str) -> SX:
-        """0 = c v + e as v = -e/c."""
-        return -ca.substitute(self.value, self.symbols[name], 0) / self.slopes[name]
-
-
-def _slopes(value: SX) -> tuple[list[SX], list[SX]]:
-    symbols = ca.symvar(value)
-    return symbols, list(ca.horzsplit(ca.densify(ca.jacobian(value, ca.vertcat(*symbols))))) if symbols else []
-
-
-@dataclass(frozen=True)
-class Row:
-    """An equation of the flat model and what has become of its residual."""
-
-    equation: FlatEquation
-    held: Held
+    merged: dict[str, list[str]]
 
 
 class Eliminator:
-    """Works on a private copy of the equations of a flat model. `slots` are the symbols w by place, `known` the inputs."""
+    """Works on a private copy of the equations of a flat model.
 
-    def __init__(self, flat: FlatModel, known: set[str], slots: dict[str, SX]) -> None:
-        self.flat, self.known, self.slots = flat, known, slots
-        self.slot_names = {symbol.name() for symbol in slots.values()}
-        self.rows = [Row(e, Held(e.residual - slots[e.slot[0]] if e.slot and e.slot[0] in slots else e.residual)) for e in flat.equations]
-        self.rate_rows: list[Row] = []
-        self.definitions: dict[str, Held] = {}
-        self.rate_of: dict[str, Held] = {}  # s -> the s' that a kept row defines
-        self.merged: dict[str, str] = {}
-        self.order = {name: i for i, name in enumerate(flat.variables)}
-        self.safe_parameters = {name for name, (declared, _, _) in flat.parameters.items() if declared.min > 0 or declared.max < 0}
+    known   the inputs, by variable
+    slots   the symbols w by place
+    kept    variables that are measured: never pruned
+    states  variables that are to stay states where there is a choice: never pruned, eliminated last
+    """
+
+    def __init__(
+        self, flat: FlatModel, known: set[str], slots: dict[str, SX], kept: Collection[str] = (), states: Collection[str] = ()
+    ) -> None:
+        self.flat = replace(flat, variables=dict(flat.variables), symbols=dict(flat.symbols), derivatives=dict(flat.derivatives))
+        self.known, self.slots = known, slots
+        self.measured, self.kept = set(kept), {*kept, *states, *known}
+        self.rows, self.numbers = Rows(), count(len(flat.equations))
+        self.equations = dict(enumerate(flat.equations))  # not used up, by number of the row
+        self.rate_rows: dict[str, int] = {}  # s -> the row that keeps s' = ...
+        self.rate_equations: dict[str, FlatEquation] = {}
+        self.watched: dict[str, int] = {}  # definitions kept up to date: those with derivatives, and of what is measured
+        self.definitions: dict[str, SX] = {}  # in order of elimination; each may name variables that were eliminated after it
+        self.merged: dict[str, list[str]] = {}
+        for i, e in self.equations.items():
+            place = place_of(e)
+            self.rows.put(i, self._held(e.residual - slots[place] if place in slots else e.residual))
+        self.candidates = Candidates(self.flat, known, slots, states, self.rows, self.equations, self.rate_rows)
 
     def run(self) -> Reduced:
         """Apply the rules until none fits."""
-        while self._define() or self._rate() or self._merge():
-            pass
+        rules = {DEFINITION: self._define, RATE: self._rate, MERGING: self._merge}
+        while (pick := self.candidates.next()) or self._prune():
+            if pick:
+                rule, i, name = pick
+                rules[rule](i, name)
+        rate_rows = [replace(e, residual=self.rows.held[self.rate_rows[name]].value) for name, e in self.rate_equations.items()]
         return Reduced(
-            equations=[replace(row.equation, residual=row.held.value) for row in [*self.rate_rows, *self.rows]],
-            definitions={name: held.value for name, held in self.definitions.items()},
+            flat=self.flat,
+            equations=[*rate_rows, *(replace(e, residual=self.rows.held[i].value) for i, e in self.equations.items())],
+            definitions=self._resolved(),
             merged=self.merged,
         )
 
-    # --- the three rules
+    # --- the four rules
 
-    def _define(self) -> bool:
-        best: tuple[tuple[int, int, int], int, str] | None = None
-        differentiated = self._differentiated()
-        for i, row in enumerate(self.rows):
-            if row.equation.kind == "balance" or self._place(row) in self.slots:
-                continue
-            for name in self._defined_by(row.held, differentiated):
-                key = (self.flat.variables[name].rank, 0 if _is_unit(row.held.slopes[name]) else 1, -self.order[name])
-                if best is None or key < best[0]:
-                    best = key, i, name
-            if best is not None and best[0][:2] == (0, 0):  # nothing goes before a plain alias of a connector
-                break
-        if best is None:
-            return False
-        self._use(best[1], best[2], differentiated)
-        return True
+    def _define(self, i: int, name: str) -> None:
+        """Eliminate `name` by row i, unless the row is to be used for the rate."""
+        if not self._is_velocity(i, name):
+            self._eliminate(i, name)
 
-    def _rate(self) -> bool:
-        best: tuple[tuple[int, int], int, str] | None = None
-        for i, row in enumerate(self.rows):
-            if row.equation.kind != "equal" or len(row.held.rates) != 1:
-                continue
-            name = row.held.rates[0]
-            if name in self.rate_of or not self._is_safe(row.held.slopes[f"der({name})"]):
-                continue
-            others = [other for other in self._variables(row.held) if other != name]
-            rank = max((self.flat.variables[other].rank for other in others), default=0) + self.flat.variables[name].rank
-            key = (-rank, min((self.order[other] for other in others), default=0))
-            if best is None or key < best[0]:
-                best = key, i, name
-        if best is None:
-            return False
-        _, i, name = best
-        row = self.rows.pop(i)
-        rate = self.flat.derivatives[name]
-        value = row.held.solved_for(f"der({name})")
-        self._substitute({rate.name(): rate}, [value])
-        self.rate_of[name] = Held(value)
-        self.rate_rows.append(Row(row.equation, Held(rate - value)))
-        return True
+    def _eliminate(self, i: int, name: str) -> None:
+        value = self._use(i).solved_for(name)
+        new = {name: value}
+        held = self._held(value)
+        if self.candidates.differentiated(name):
+            new[f"der({name})"] = self._total_derivative(held)
+        self.rows.substitute(new)
+        self.definitions[name] = value
+        if held.rates or name in self.measured:
+            self.watched[name] = self._add(held)
 
-    def _merge(self) -> bool:
+    def _rate(self, i: int, name: str) -> None:
+        """Use the row as s' = ... in all other rows, and keep it."""
+        self.rate_equations[name] = self.equations[i]
+        rate, value = self._derivative(name), self._use(i).solved_for(f"der({name})")
+        self.rows.substitute({rate.name(): value})
+        self.rate_rows[name] = self._add(self._held(rate - value))
+
+    def _merge(self, i: int, name: str) -> None:
         """A balance whose component kept no derivative of its own is solved for a force of constraint."""
-        differentiated = self._differentiated()
-        moving = {name.partition(".")[0] for name in differentiated}
-        for i in reversed(range(len(self.rows))):
-            row = self.rows[i]
-            if row.equation.kind != "balance" or row.equation.component in moving:
-                continue
-            place = self._place(row)
-            held = row.held.replaced({self.slots[place].name(): self.slots[place]}, [ca.SX(0)]) if place in self.slots else row.held
-            names = [name for name in self._defined_by(held, differentiated) if name not in differentiated]
-            if not names:
-                continue
-            name = min(names, key=lambda n: (self.flat.variables[n].rank, -self.order[n]))
-            heirs = [
-                p for j, other in enumerate(self.rows) if j != i and name in other.held.symbols and (p := self._place(other)) in self.slots
-            ]
-            if place in self.slots:
-                self.merged[place] = heirs[0] if heirs else ""
-            self.rows[i] = Row(row.equation, held)
-            self._use(i, name, differentiated)
-            return True
-        return False
+        place = place_of(self.equations[i])
+        if place in self.slots:
+            others = [place_of(self.equations[j]) for j in sorted(self.rows.where[name] & self.equations.keys()) if j != i]
+            self.merged[place] = [other for other in others if other in self.slots]
+            self.rows.put(i, self.rows.held[i].replaced({self.slots[place].name(): ca.SX(0)}))
+        self._eliminate(i, name)
+
+    def _is_velocity(self, i: int, name: str) -> bool:
+        """Whether row i makes a velocity that is to be kept the rate of a coordinate that other rows hold, too."""
+        rates = self.rows.held[i].rates
+        return self.candidates.rank[name] >= KEPT and len(rates) == 1 and not self.rows.where.get(rates[0], set()) <= {i}
+
+    def _prune(self) -> bool:
+        """Remove coordinates of which only the derivative is left; whether there was one."""
+        idle = {self.watched[name] for name in self.watched.keys() - self.measured}
+
+        def used(symbol: str) -> bool:
+            return not self.rows.where.get(symbol, idle) <= idle
+
+        names = [n for n in self.flat.variables if self.candidates.rank[n] < 2 and n not in self.kept and used(f"der({n})") and not used(n)]
+        for name in names:
+            if name in self.rate_rows:
+                del self.rate_equations[name]
+                self.rows.take(self.rate_rows.pop(name))
+            else:
+                self.rows.substitute({f"der({name})": self._ordinary(name)})
+            del self.flat.variables[name]
+        return bool(names)
 
     # --- what they share
 
-    def _defined_by(self, held: Held, differentiated: set[str]) -> list[str]:
-        """The variables that this row may define."""
-        present = held.symbols.keys()
-        smooth = not held.rates and not present & self.known and not present & self.slot_names  # may be differentiated
-        return [
-            name
-            for name in self._variables(held)
-            if f"der({name})" not in present
-            and self._is_safe(held.slopes[name])
-            and (name not in differentiated or (smooth and self._keeps_states(held, name, differentiated)))
-        ]
+    def _use(self, i: int) -> Held:
+        del self.equations[i]
+        return self.rows.take(i)
 
-    def _keeps_states(self, held: Held, name: str, differentiated: set[str]) -> bool:
-        """Whether, `name` being defined by this row, no variable becomes a state that enters nonlinearly and is none yet."""
-        return all(other in differentiated or self._is_safe(held.slopes[other]) for other in self._variables(held) if other != name)
+    def _add(self, held: Held) -> int:
+        i = next(self.numbers)
+        self.rows.put(i, held)
+        return i
 
-    def _use(self, i: int, name: str, differentiated: set[str]) -> None:
-        """Eliminate `name` by row i, in all other rows and in the earlier definitions."""
-        value = self.rows.pop(i).held.solved_for(name)
-        symbol = self.flat.symbols[name]
-        old, new = {symbol.name(): symbol}, [value]
-        if name in differentiated:
-            rate = self.flat.derivatives[name]
-            old[rate.name()] = rate
-            new.append(self._total_derivative(Held(value)))
-        self._substitute(old, new)
-        self.definitions[name] = Held(value)
+    def _held(self, value: SX) -> Held:
+        return Held(value, self.flat.parameters)
 
-    def _substitute(self, old: dict[str, SX], new: list[SX]) -> None:
-        self.rows = [Row(row.equation, row.held.replaced(old, new)) for row in self.rows]
-        self.rate_rows = [Row(row.equation, row.held.replaced(old, new)) for row in self.rate_rows]
-        self.definitions = {name: held.replaced(old, new) for name, held in self.definitions.items()}
-        self.rate_of = {name: held.replaced(old, new) for name, held in self.rate_of.items()}
+    def _derivative(self, name: str) -> SX:
+        return self.flat.derivatives.setdefault(name, ca.SX.sym(f"der({name})"))
+
+    def _ordinary(self, name: str) -> SX:
+        """A variable in place of the derivative of `name`."""
+        own = f"{name}'"
+        self.flat.variables[own] = FlatVariable(name=own, unit=f"{self.flat.variables[name].unit}/s", rank=0)
+        self.flat.symbols[own] = ca.SX.sym(own)
+        self.candidates.add(own, rank=0)
+        return self.flat.symbols[own]
 
     def _total_derivative(self, held: Held) -> SX:
         total = ca.SX(0)
         for name, slope in held.slopes.items():
             if name == "time":
                 total += slope
-            elif name in self.rate_of:
-                total += slope * self.rate_of[name].value
+            elif name in self.rate_rows:
+                total += slope * self.rows.held[self.rate_rows[name]].solved_for(f"der({name})")
             elif name in self.flat.variables:
-                total += slope * self.flat.derivatives.setdefault(name, ca.SX.sym(f"der({name})"))
+                total += slope * self._derivative(name)
         return total
 
-    def _differentiated(self) -> set[str]:
-        """Variables whose derivative occurs anywhere."""
-        every = [
-            *(row.held for row in self.rows),
-            *(row.held for row in self.rate_rows),
-            *self.definitions.values(),
-            *self.rate_of.values(),
-        ]
-        return {name for held in every for name in held.rates}
-
-    def _variables(self, held: Held) -> Iterable[str]:
-        return [name for name in held.symbols if name in self.flat.variables and name not in self.known]
-
-    def _place(self, row: Row) -> str:
-        return row.equation.slot[0] if row.equation.slot else ""
-
-    def _is_safe(self, coefficient: SX) -> bool:
-        if coefficient.is_constant():
-            return float(coefficient) != 0.0
-        product = _factors(coefficient)
-        return product is not None and product <= self.safe_parameters
-
-
-def _is_unit(coefficient: SX) -> bool:
-    return bool(coefficient.is_constant()) and abs(float(coefficient)) == 1.0
-
-
-def _factors(expression: SX) -> set[str] | None:
-    """The parameters of a product or quotient, None for anything else."""
-    if expression.is_constant():
-        return set() if float(expression) != 0.0 else None
-    if expression.is_symbolic():
-        return {expression.name()}
-    if expression.op() in (ca.OP_MUL, ca.OP_DIV):
-        parts = [_factors(expression.dep(i)) for i in range(2)]
-        return None if parts[0] is None or parts[1] is None else parts[0] | parts[1]
-    if expression.op() in (ca.OP_NEG, ca.OP_SQ, ca.OP_INV, ca.OP_TWICE):
-        return _factors(expression.dep(0))
-    return None
+    def _resolved(self) -> dict[str, SX]:
+        """The definitions in terms of what survived."""
+        done: dict[str, tuple[SX, dict[str, SX]]] = {}  # with the symbols
+        for name, value in reversed(self.definitions.items()):
+            if name in self.watched:
+                held = self.rows.held[self.watched[name]]
+                done[name] = held.value, held.symbols
+                continue
+            symbols = {own: s for s in ca.symvar(value) if (own := s.name()) not in self.flat.parameters}
+            old = [done[other] for other in symbols if other in done]
+            if old:
+                value = ca.substitute(
+                    value, ca.vertcat(*(symbols[n] for n in symbols if n in done)), ca.vertcat(*(part for part, _ in old))
+                )
+                parts = [{n: s for n, s in symbols.items() if n not in done}, *(part for _, part in old)]
+                symbols = {n: s for part in parts for n, s in part.items()}
+                if len(symbols) < sum(map(len, parts)):  # something may cancel
+                    held = self._held(value)
+                    value, symbols = held.value, held.symbols
+            done[name] = value, symbols
+        return {name: done[name][0] for name in self.definitions}
 
 
 def clean(expression: SX) -> SX:
@@ -261,9 +209,24 @@ def clean(expression: SX) -> SX:
     return Held(expression).value
 
 
-def refuse_dropped(place: str, merged: dict[str, str]) -> ModelError:
+def standing(merged: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """For every place that was dropped the first that its force still acts on, through others that were dropped; "" for none."""
+    found = {}
+    for place in merged:
+        front, seen = [place], {place}
+        while front and front[0] in merged:
+            behind = [other for other in merged[front.pop(0)] if other not in seen]
+            front += behind
+            seen.update(behind)
+        found[place] = front[0] if front else ""
+    return found
+
+
+def refuse_dropped(place: str, merged: Mapping[str, Sequence[str]]) -> ModelError:
     """The error for a place that was asked for and has no row of its own."""
-    other = merged[place]
+    other = standing(merged)[place]
+    if not other:
+        return ModelError(f"place '{place}' has no residual: what holds it takes any force there; ask for another place")
     return ModelError(
         f"place '{place}' has no residual of its own: it moves rigidly with '{other}', whose residual stands for both; "
         f"ask for '{other}' instead"

@@ -26,7 +26,7 @@ class FlatVariable:
 
     name: str
     unit: str
-    rank: int  # 0 connector or auxiliary, 1 variable, 2 state of a body
+    rank: int  # 0 connector or auxiliary, 1 variable, 2 state of a body, 3 of a joint
     nominal: float = 1.0
     start: float = 0.0
     description: str = ""
@@ -81,6 +81,14 @@ class Scope:
         """Total time derivative of a variable or an expression."""
         return self._table.derivative(ca.SX(expression))
 
+    def at(self, path: str) -> SX:
+        """Any variable or parameter of the model by its dotted name: what the equations of an enclosing class may refer to."""
+        known = self._table.symbols.get(path, self._table.parameters.get(path))
+        if known is None:
+            names = [*self._table.symbols, *self._table.parameters]
+            raise ModelError(f"'{self._prefix}' refers to '{path}', which the model does not have; {suggestion(path, names)}")
+        return known
+
 
 class _Table:
     """All symbols of a model while it is being flattened."""
@@ -89,6 +97,7 @@ class _Table:
         self.variables: dict[str, FlatVariable] = {}
         self.symbols: dict[str, SX] = {}
         self.derivatives: dict[str, SX] = {}
+        self.parameters: dict[str, SX] = {}
         self.time = ca.SX.sym("time")
         self.auxiliary: list[FlatEquation] = []
 
@@ -149,6 +158,7 @@ def flatten(model: Model) -> FlatModel:
 def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, float, SX]], dict[str, Scope]]:
     """Parameters of the flat model, and what every component sees."""
     parameters = {name: (p, p.default, ca.SX.sym(name)) for name, p in model.parameters.items()}
+    table.parameters.update({name: symbol for name, (_, _, symbol) in parameters.items()})
     units = _signal_units(model)
     words: dict[str, dict[str, Any]] = {}
     for name, component in model.components.items():
@@ -157,9 +167,10 @@ def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, fl
             path = f"{name}.{word}"
             if path not in model.bindings:
                 parameters[path] = (parameter, component.parameters[word], ca.SX.sym(path))
-            names[word] = parameters[model.bindings.get(path, path)][2]
+            names[word] = table.parameters[path] = parameters[model.bindings.get(path, path)][2]
         for word, variable in component.declared_variables.items():
-            names[word] = table.add(_flat(model, f"{name}.{word}", variable, variable.unit, 2 if variable.state else 1))
+            rank = 3 if variable.preferred else 2 if variable.state else 1
+            names[word] = table.add(_flat(model, f"{name}.{word}", variable, variable.unit, rank))
         for word, signal in component.declared_signals.items():
             path = f"{name}.{word}"
             names[word] = table.add(_flat(model, path, signal, units[path], 1 if isinstance(signal, SignalOutput) else 0))
@@ -168,15 +179,15 @@ def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, fl
     scopes = {name: Scope(table, name, names) for name, names in words.items()}
     for name, component in model.components.items():
         for word, shared in component.declared_shared.items():
-            words[name][word] = scopes[_shared(model, name, shared.kind)]
+            words[name][word] = scopes[_shared(model, name, word, shared.kind)]
     return parameters, scopes
 
 
-def _shared(model: Model, name: str, kind: type[Component]) -> str:
+def _shared(model: Model, name: str, word: str, kind: type[Component]) -> str:
     """The one component of this kind."""
     found = [other for other, component in model.components.items() if isinstance(component, kind)]
     if len(found) != 1:
-        seen = f"has {len(found)} ({', '.join(found)}); keep one" if found else f"has none; add one, e.g. world={kind.__name__}()"
+        seen = f"has {len(found)} ({', '.join(found)}); keep one" if found else f"has none; add one, e.g. {word}={kind.__name__}()"
         raise ModelError(f"{type(model.components[name]).__name__} '{name}' needs the model's {kind.__name__}, and '{model.name}' {seen}")
     return found[0]
 
@@ -190,7 +201,7 @@ def _signal_units(model: Model) -> dict[str, str]:
     """Units of all signals: a blank one is that of the node, and through a block with blank units only, that of its other side."""
     units = {f"{n}.{w}": s.unit for n, c in model.components.items() for w, s in c.declared_signals.items()}
     groups = [{path: model.end(path) for path in members} for members in connection_sets(model)]
-    through = [[f"{n}.{w}" for w in c.declared_signals] for n, c in model.components.items()]
+    through = [[f"{n}.{w}" for w in c.declared_signals] for n, c in model.components.items() if not c.converts_units]
     alike = [list(group) for group in groups if not any(isinstance(end, Connector) for end in group.values())]
     alike += [paths for paths in through if not any(units[path] for path in paths)]
     fixed = {path: end.unit for group in groups for path, end in group.items() if isinstance(end, Variable)}

@@ -60,13 +60,15 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Variable:
-    """A quantity that changes in time: SI unit, typical size, start value. `state=True` keeps its name when aliases are eliminated."""
+    """A quantity that changes in time: SI unit, typical size, start value. `state=True` keeps its name when aliases are eliminated;
+    `preferred=True` too, before other states: the coordinate of a joint before those of the bodies that it moves."""
 
     unit: str
     nominal: float = 1.0
     start: float = 0.0
     state: bool = False
     description: str = ""
+    preferred: bool = False
 
 
 @dataclass(frozen=True)
@@ -154,6 +156,7 @@ class Component:
     declared_connectors: ClassVar[Mapping[str, Connector]] = {}
     declared_signals: ClassVar[Mapping[str, Signal]] = {}
     declared_shared: ClassVar[Mapping[str, Shared]] = {}
+    converts_units: ClassVar[bool] = False  # blank units of its signals may differ from each other
     parameters: Mapping[str, float]
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -162,7 +165,7 @@ class Component:
         for base in reversed(cls.__mro__):
             declared.update({k: v for k, v in vars(base).items() if isinstance(v, _DECLARATIONS)})
         for name in declared:
-            if name in ("der", "time"):
+            if name in ("der", "time", "at"):
                 raise ModelError(f"{cls.__name__}: '{name}' is a word of the language; give the declaration another name")
         cls.declared_parameters = {k: v for k, v in declared.items() if isinstance(v, Parameter)}
         cls.declared_variables = {k: v for k, v in declared.items() if isinstance(v, Variable)}

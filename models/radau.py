@@ -1,34 +1,34 @@
-"""Adaptive Radau IIA integration of implicit equations F(x', x, z, u, p, t) = 0 (E. Hairer, G. Wanner, Solving ODEs II, IV.5 and IV.8).
+"""Adaptive Radau IIA integration of implicit equations F(x', x, z, u, t) = 0 (E. Hairer, G. Wanner, Solving ODEs II, IV.5 and IV.8).
 
 Unknowns of a step of length h with s = 5 stages c_i (order 9, L-stable, stiffly accurate: the last stage is the end of the step):
 
     Y = [h x'_1 .. h x'_s | z_1 .. z_s]          s (nx + nz)
-    0 = F(x'_i, x + h sum_j a_ij x'_j, z_i, u(t + c_i h), p, t + c_i h)         i = 1 .. s
+    0 = F(x'_i, x + h sum_j a_ij x'_j, z_i, u(t + c_i h), t + c_i h)         i = 1 .. s
 
 The error of a step is the difference to the quadrature over the start and the stages 1 .. s-1, of order 5 and hence cautious. The start
 is among its nodes so that a jump before c_1 is seen; the difference is filtered by (F_x' + g h F_x)^-1 F_x', g the weight of the start,
 so that stiff transients which the method damps anyway do not shorten the step (Hairer and Wanner, eq. IV.8.19).
 
-A one-step method loses nothing where an input jumps; a multistep one starts again at every sample, and then CVODES reaches 1e-8 at most
-over 3000 samples of a linear axis, at a tolerance of 1e-11, and gives up at 1e-12. Here the same run is right to 1e-14.
+Where F is affine in x', x and z, as a machine between two switches often is, one Newton step is the solution, and a step is one call.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from .dae import Dae
-from .errors import SolveError
-
+SX = Any
 Array = NDArray[np.float64]
 STAGES = 5
 _NEWTON = 8
-_SMALLEST = 1e-15  # of the interval
+_RATE_NEWTON = 12
+_SMALL = 40  # unknowns up to which a call costs more than an iteration
+_CLEAR = 0.3  # of its range within a step: how far a function stays from zero that is not looked at more closely
 
 
 def tableau(stages: int) -> tuple[Array, Array, Array]:
@@ -41,113 +41,167 @@ def tableau(stages: int) -> tuple[Array, Array, Array]:
     return c, a, np.concatenate([[0.0], a[-1]]) - np.concatenate([low, [0.0]])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class System:
+    """Smooth equations F(x', x, z, u, t; m) = 0, nx + nz rows, and functions of the same arguments that stay positive (ng,); m numbers."""
+
+    residual: SX
+    dx: SX
+    x: SX
+    z: SX
+    u: SX
+    t: SX
+    m: SX
+    positive: SX
+
+
+class Step:
+    """A solved step.
+
+    x, rate, z  states (nx,), their rates, and algebraics (nz,) at its end
+    seen        largest size of each state so far, to which the tolerance is relative
+    error       in units of the tolerance
+    clear       > 0: no function that stays positive comes near zero
+    positive    (ng, 1 + s) those functions at the start and the stages
+    """
+
+    __slots__ = ("clear", "error", "positive", "rate", "seen", "x", "z")
+
+    def __init__(self, result: Array, nx: int, nz: int, ng: int) -> None:
+        self.error, self.clear = float(result[-2]), float(result[-1])
+        self.x, self.rate, self.seen, self.z = result[:nx], result[nx : 2 * nx], result[2 * nx : 3 * nx], result[3 * nx : 3 * nx + nz]
+        self.positive = result[3 * nx + nz : 3 * nx + nz + ng * (1 + STAGES)].reshape(1 + STAGES, ng).T
+
+
 class Stepper:
-    """One model's step function. Inputs are linear within a sample: u(t) = base + slope (t - t_k)."""
+    """The step function of one system. Inputs are linear within a sample: u = base + slope (t - t_k)."""
 
-    def __init__(self, dae: Dae, values: Array, rtol: float) -> None:
-        self.nx, self.nz, self.rtol = dae.x.shape[0], dae.z.shape[0], rtol
-        self.nominal = np.array([q.nominal for q in dae.states])
-        self.seen = np.zeros(self.nx)  # largest size of each state so far
-        c, a, self.error_weights = tableau(STAGES)
-        self.weights = a[-1]
-        residual = ca.substitute(ca.substitute(dae.residual, dae.w, 0 * dae.w), dae.p, ca.DM(values))
-        x0, h, t0, since = ca.SX.sym("x0", self.nx), ca.SX.sym("h"), ca.SX.sym("t0"), ca.SX.sym("since")
-        base, slope = ca.SX.sym("base", dae.u.shape[0]), ca.SX.sym("slope", dae.u.shape[0])
+    def __init__(self, system: System, nominal: Array, rtol: float) -> None:
+        self.nx, self.nz, self.nu, self.nm = (v.shape[0] for v in (system.x, system.z, system.u, system.m))
+        self.ng, self.rtol, self.floor = system.positive.shape[0], rtol, 1e-3 * nominal
+        self.c, self.a, self.error_weights = tableau(STAGES)
+        self.affine = bool(ca.is_linear(system.residual, ca.vertcat(system.dx, system.x, system.z)))
+        self._inner = 1 if self.affine or STAGES * (self.nx + self.nz) > _SMALL else 2  # iterations in one call
+        self._newton, self._end = (_Call(function) for function in self._step_functions(system))
+        known = ca.vertcat(system.x, system.u, system.t, system.m)
+        unknown = ca.vertcat(system.dx, system.z)
+        self.equations = _both(unknown, known, system.residual)
+        self._rate = _Call(self._rate_function(unknown, known, system.positive))
 
-        increments, z = ca.SX.sym("Y", self.nx, STAGES), ca.SX.sym("Z", self.nz, STAGES)
-        stage = ca.Function("stage", [dae.dx, dae.x, dae.z, dae.u, dae.t], [residual])
-        rows = [
-            stage(increments[:, i] / h, x0 + increments @ ca.DM(a[i]), z[:, i], base + slope * (since + c[i] * h), t0 + c[i] * h)
+    def _rate_function(self, unknown: SX, known: SX, positive: SX) -> Any:
+        """(x' and z, x u t m) -> x' and z after a Newton step, the positive functions there, the largest change."""
+        watch = ca.Function("watch", [unknown, known], [ca.densify(positive)])
+        y, r = ca.MX.sym("y", unknown.shape[0]), ca.MX.sym("r", known.shape[0])
+        value, jacobian = self.equations(y, r)
+        change = ca.solve(jacobian, value, "qr")
+        found = y - change
+        largest = ca.mmax(ca.fabs(change)) / (1.0 + ca.mmax(ca.fabs(found))) if unknown.shape[0] else ca.MX(0)
+        return ca.Function("rate", [y, r], [ca.densify(ca.vertcat(found, watch(found, r), largest))])
+
+    def _step_functions(self, system: System) -> tuple[Any, Any]:
+        """(Y, x h t since base slope m x'_0 z_0 seen) -> Y after Newton steps and the last change, and -> the fields of `Step`.
+
+        Where F is affine the second one takes the Newton step itself, from any Y.
+        """
+        nx, c, a = self.nx, self.c, self.a
+        x0, rate, z0, seen = (ca.SX.sym(name, size) for name, size in (("x0", nx), ("rate", nx), ("z0", self.nz), ("seen", nx)))
+        h, t0, since = ca.SX.sym("h"), ca.SX.sym("t0"), ca.SX.sym("since")
+        base, slope = ca.SX.sym("base", self.nu), ca.SX.sym("slope", self.nu)
+        given = ca.vertcat(x0, h, t0, since, base, slope, system.m, rate, z0, seen)
+        increments, z = ca.SX.sym("Y", nx, STAGES), ca.SX.sym("Z", self.nz, STAGES)
+        arguments = [(rate, x0, z0, base + slope * since, t0)] + [
+            (increments[:, i] / h, x0 + increments @ ca.DM(a[i]), z[:, i], base + slope * (since + c[i] * h), t0 + c[i] * h)
             for i in range(STAGES)
         ]
-        self._step = _Call(
-            newton_function(ca.vertcat(ca.vec(increments), ca.vec(z)), ca.vertcat(x0, h, t0, since, base, slope), ca.vertcat(*rows))
-        )
-        self._rate = _Call(newton_function(ca.vertcat(dae.dx, dae.z), ca.vertcat(dae.x, dae.u, dae.t), residual))
-        raw, g = ca.SX.sym("raw", self.nx), abs(float(self.error_weights[0]))
-        filtered, share = ca.SX.sym("filtered", self.nx), ca.SX.sym("share", self.nz)
-        by_rate = ca.jacobian(residual, dae.dx)
-        rows = by_rate @ (filtered - raw) + g * h * ca.jacobian(residual, dae.x) @ filtered + ca.jacobian(residual, dae.z) @ share
-        self._filter = _Call(newton_function(ca.vertcat(filtered, share), ca.vertcat(raw, h, dae.dx, dae.z, dae.x, dae.u, dae.t), rows))
+        point = [system.dx, system.x, system.z, system.u, system.t, system.m]
+        stage = ca.Function("stage", point, [system.residual])
+        unknown = ca.vertcat(ca.vec(increments), ca.vec(z))
+        both = _both(unknown, given, ca.vertcat(*(stage(*values, system.m) for values in arguments[1:])))
 
-    def across(self, x: Array, z: Array, t: float, until: float, base: Array, slope: Array, try_first: float) -> tuple[Array, Array, float]:
-        """From t to `until`, one sample: the states and algebraics there, and the step length to try next.
+        watch = ca.Function("watch", point, [ca.densify(system.positive)])
+        table = ca.horzcat(*(watch(*values, system.m) for values in arguments))
+        clear = [ca.mmin(row) - _CLEAR * (ca.mmax(row) - ca.mmin(row)) for row in ca.vertsplit(table)] if self.ng else []
+        end = x0 + increments @ ca.DM(a[-1])
+        tolerance = self.rtol * ca.fmax(ca.fmax(ca.fabs(x0), seen), ca.DM(self.floor))
+        fields = [end, increments[:, -1] / h, ca.fmax(seen, ca.fabs(end)), z[:, -1], ca.vec(table)]
+        clear_of_all = ca.mmin(ca.vertcat(*clear)) if clear else ca.SX(1)
+        finish = ca.Function("finish", [unknown, given], [ca.densify(ca.vertcat(*fields)), clear_of_all, tolerance])
+        scale = ca.vertcat(ca.repmat(tolerance, STAGES, 1), self.rtol * (1 + ca.fabs(ca.vec(z))))
+        newton = ca.Function("scale", [unknown, given], [ca.densify(scale)])
 
-        Raises SolveError naming the time at which no step, however short, meets the tolerance.
+        raw, g = self.error_weights[0] * h * rate + increments @ ca.DM(self.error_weights[1:]), abs(float(self.error_weights[0]))
+        slopes = ca.Function("slopes", point, [ca.jacobian(system.residual, v) for v in (system.dx, system.x, system.z)])
+        at_rate, at_x, at_z = slopes(*arguments[0], system.m)
+        filtering = ca.Function("filter", [unknown, given], [ca.horzcat(at_rate + g * h * at_x, at_z), at_rate @ raw])
+
+        y, r = ca.MX.sym("y", unknown.shape[0]), ca.MX.sym("r", given.shape[0])
+        parts, clearance, tolerated = finish(y, r)
+        matrix, right = filtering(y, r)
+        filtered = ca.solve(matrix, right, "qr")[:nx]
+        error = ca.mmax(ca.fabs(filtered) / tolerated) if nx else ca.MX(0)
+        end = ca.Function("end", [y, r], [ca.densify(ca.vertcat(parts, error, clearance))])
+        found, change = y, ca.MX.zeros(unknown.shape[0])
+        for _ in range(self._inner):
+            value, jacobian = both(found, r)
+            change = ca.solve(jacobian, value, "qr")
+            found = found - change
+        if self.affine:
+            end = ca.Function("end", [y, r], [end(found, r)])
+        moved = ca.mmax(ca.fabs(change) / newton(found, r)) if unknown.shape[0] else ca.MX(0)
+        return ca.Function("newton", [y, r], [ca.densify(ca.vertcat(found, moved))]), end
+
+    def rate(self, x: Array, z: Array, u: Array, t: float, m: Array) -> tuple[Array, Array, Array] | None:
+        """x', z and the positive functions at a point, from nearby z; None where Newton's method does not get there."""
+        call, nx, size = self._rate, self.nx, self.nx + self.nz
+        call.unknown[:nx] = 0.0
+        call.unknown[nx:] = z
+        call.given[:] = np.concatenate((x, u, (t,), m))
+        for _ in range(_RATE_NEWTON):
+            call()
+            change = call.result[-1]
+            if self.affine or not change > 1e-12:
+                break
+            call.unknown[:] = call.result[:size]
+        if not change <= (np.inf if self.affine else 1e-12):
+            return None
+        found = call.result.copy()
+        return found[:nx], found[nx:size], found[size:-1]
+
+    def attempt(
+        self, x: Array, z: Array, rate: Array, t: float, h: float, since: float, base: Array, slope: Array, m: Array, seen: Array
+    ) -> Step | None:
+        """One step from t, `since` after the sample that holds `base`; None where Newton's method does not converge.
+
+        seen  largest size of each state so far, to which the tolerance is relative
         """
-        interval = until - t
-        since, h = 0.0, min(try_first, interval)  # time since t: what is added up must not drown in a large t
-        rate, z = self.rate(x, z, base, t)
-        while since < interval:
-            last = interval - since <= h * (1 + 1e-9)
-            h = interval - since if last else h
-            result = self._attempt(x, z, rate, t + since, h, since, base, slope)
-            if result is None:
-                h *= 0.2
-            else:
-                new_x, new_z, new_rate, error = result
-                if error <= 1.0:
-                    x, z, rate, since = new_x, new_z, new_rate, interval if last else since + h
-                    self.seen = np.maximum(self.seen, np.abs(x))
-                h *= min(10.0, max(0.1, 0.9 * max(error, 1e-12) ** (-1 / (STAGES + 1))))
-            if h < _SMALLEST * interval and since < interval:
-                raise SolveError(
-                    f"the integration stopped at t = {t + since:.9g} s: no step, however short, meets the tolerance {self.rtol:g}; "
-                    "look for values that run away, or a law that is discontinuous there"
-                )
-        return x, z, h
+        end = self._end
+        end.given[:] = np.concatenate((x, (h, t, since), base, slope, m, rate, z, seen))
+        if not self.affine and not self._solved(h * rate, z):
+            return None
+        end()
+        if not math.isfinite(end.result[-2]):
+            return None
+        return Step(end.result.copy(), self.nx, self.nz, self.ng)
 
-    def rate(self, x: Array, z: Array, u: Array, t: float) -> tuple[Array, Array]:
-        """x' and z at a point, from nearby z."""
-        call = self._rate
-        call.unknown[: self.nx] = 0.0
-        call.unknown[self.nx :] = z
-        call.given[:] = np.concatenate([x, u, [t]])
-        for _ in range(_NEWTON):
-            call()
-            call.unknown -= call.result
-            if np.all(np.abs(call.result) <= 1e-9 * (1.0 + np.abs(call.unknown))):
-                break
-        return call.unknown[: self.nx].copy(), call.unknown[self.nx :].copy()
-
-    def _attempt(
-        self, x: Array, z: Array, rate: Array, t: float, h: float, since: float, base: Array, slope: Array
-    ) -> tuple[Array, Array, Array, float] | None:
-        """One step: values and rates at its end, and the error in units of the tolerance; None where Newton's method does not converge."""
-        nx, nz = self.nx, self.nz
-        tolerance = self.rtol * np.maximum(np.maximum(np.abs(x), self.seen), 1e-3 * self.nominal)
-        call, count = self._step, STAGES * nx
-        y, change = call.unknown, call.result
-        increments, ends = y[:count].reshape(STAGES, nx), y[count:].reshape(STAGES, nz)  # views
-        increments[:] = h * rate
-        ends[:] = z
-        given = call.given
-        given[:nx] = x
-        given[nx : nx + 3] = h, t, since
-        given[nx + 3 :] = np.concatenate([base, slope])
+    def _solved(self, increment: Array, z: Array) -> bool:
+        """Newton's method for the stages, from constant rates; whether it converges."""
+        call, count = self._newton, STAGES * self.nx
+        y, result = call.unknown, call.result
+        y[:count].reshape(STAGES, self.nx)[:] = increment
+        y[count:].reshape(STAGES, self.nz)[:] = z
+        call.given[:] = self._end.given
         before = np.inf
-        for _ in range(_NEWTON):
+        for _ in range(_NEWTON // self._inner):
             call()
-            y -= change
-            size = float((np.abs(change[:count].reshape(STAGES, nx)) / tolerance).max(initial=0.0))
-            if nz:
-                size = max(size, float((np.abs(change[count:]) / (self.rtol * (1.0 + np.abs(y[count:])))).max()))
-            if not math.isfinite(size):
-                return None
-            if size < 1e-2 or (size < 1.0 and size > 0.3 * before):  # converged, or as far as rounding lets it
-                break
-            before = size
-        else:
-            return None
-        check = self._filter
-        check.unknown[:] = 0.0
-        raw = self.error_weights[0] * h * rate + self.error_weights[1:] @ increments
-        check.given[:] = np.concatenate([raw, [h], rate, z, x, base + slope * since, [t]])
-        check()
-        error = float((np.abs(check.result[:nx]) / tolerance).max(initial=0.0))
-        if not math.isfinite(error):
-            return None
-        return x + self.weights @ increments, ends[-1].copy(), increments[-1] / h, error
+            largest = float(result[-1])
+            if not largest <= before * 10.0:  # true for nan
+                return False
+            y[:] = result[:-1]
+            if largest < 1e-2 or (largest < 1.0 and largest > 0.3 * before):  # converged, or as far as rounding lets it
+                self._end.unknown[:] = y
+                return True
+            before = largest
+        return False
 
 
 class _Call:
@@ -163,14 +217,10 @@ class _Call:
         self._buffer.set_res(0, self.result.data)
 
     def __call__(self) -> None:
+        self.result[-3:] = math.nan  # stays so where a matrix is singular
         self._evaluate()
-        if self._buffer.ret():  # a singular matrix
-            self.result[:] = np.nan
 
 
-def newton_function(unknown: Any, given: Any, equations: Any) -> Any:
-    """(unknown, given) -> the Newton correction J^-1 F."""
-    both = ca.Function("both", [unknown, given], [equations, ca.jacobian(equations, unknown)])
-    y, r = ca.MX.sym("y", unknown.shape[0]), ca.MX.sym("r", given.shape[0])
-    value, jacobian = both(y, r)
-    return ca.Function("newton", [y, r], [ca.densify(ca.solve(jacobian, value, "qr"))])
+def _both(unknown: SX, given: SX, equations: SX) -> Any:
+    """(unknown, given) -> the equations and their Jacobian."""
+    return ca.Function("both", [unknown, given], [ca.densify(equations), ca.jacobian(equations, unknown)])

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from itertools import pairwise
+from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .consistent import finite, initial_states
 from .dae import Dae
-from .errors import ModelError, SolveError, suggestion
-from .radau import Stepper
+from .errors import ModelError, suggestion
+from .events import Event
+from .modes import Integrator, Point
+from .sundials import integrate
+from .switches import find_switches, unswitched
 
 Array = NDArray[np.float64]
 SHARPNESS = 1e-5  # smoothing widths are shrunk by this in a simulation: they are rounded corners, not physics
@@ -23,6 +27,7 @@ class Trajectory:
     """A simulated run at the given times; every mapping is name -> (n,) in SI units.
 
     derivatives  x' by state name, with the input of the sample already acting
+    events       what happened between the samples, in order of time
     """
 
     t: Array
@@ -30,6 +35,7 @@ class Trajectory:
     outputs: Mapping[str, Array]
     algebraics: Mapping[str, Array] = field(default_factory=dict)
     derivatives: Mapping[str, Array] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
 
 
 def simulate(
@@ -41,6 +47,7 @@ def simulate(
     *,
     hold: Literal["zero", "linear"] = "zero",
     rtol: float = 1e-10,
+    integrator: Literal["radau", "idas", "cvodes"] = "radau",
 ) -> Trajectory:
     """Integrate F(x', x, z, u, p, 0, t) = 0 over the samples t [s] (n,), strictly increasing.
 
@@ -48,110 +55,100 @@ def simulate(
     parameters  values that replace the defaults; smoothing widths are 1e-5 of their defaults unless given here
     initial     values of states (and algebraics, as a guess) at t_0; the others start at their start value, zero unless declared
     rtol        local error per step relative to the largest value of each state so far
+    integrator  "radau": `radau` with events; "idas" and "cvodes" (no algebraic variables): SUNDIALS, to compare, without events
 
     Outputs and algebraics of sample k see the input of sample k. Where the model has constraints between states (a closed loop), the states
-    that `initial` does not give are moved to fulfil them. Raises ModelError for unknown names, shapes and inconsistent initial values,
-    SolveError where the integration stops.
+    that `initial` does not give are moved to fulfil them, and all states are put back onto them after every step.
+
+    Laws that switch do so exactly where they should (`switches`): contact and play, and friction, which holds a body at rest without creep;
+    `Trajectory.events` tells when. Smoothing widths then have no effect; one that is given in `parameters` is taken at its word, and its
+    law stays smooth. With "idas" and "cvodes" all widths act. Impacts are compliant: no velocity jumps.
+
+    Radau is the default because a one-step method loses nothing where an input jumps, while a multistep one starts again at every sample.
+    Measured on 10 000 samples at 1 kHz of a linear axis whose force jumps at each, rtol = 1e-10, against the exact answer: radau 2e-14 of
+    the range in 0.3 s, cvodes 3e-8 in 0.8 s, idas 3e-8 in 1.0 s. Where inputs are smooth and samples far apart, and 1e-5 is enough, idas is
+    faster: 10 s of a quadrotor in 0.1 s instead of 1.0 s.
+
+    Raises ModelError for unknown names, shapes and inconsistent initial values, SolveError where the integration stops.
     """
     times = _times(t)
     u = _inputs(dae, inputs or {}, len(times))
-    values = _parameters(dae, parameters or {})
+    given = parameters or {}
+    values = _parameters(dae, given)
     if hold not in ("zero", "linear"):
         raise ModelError(f"hold = {hold!r}: an input is held 'zero' or 'linear' between samples; choose one of them")
-    x, z = _initial(dae, initial or {}, values, u[:, 0], times[0])
-    stepper = Stepper(dae, values, rtol)
-    stepper.seen = np.abs(x)
-    states = np.empty((len(x), len(times)))
-    states[:, 0] = x
-    h = np.inf
-    for k in range(len(times) - 1):
-        interval = times[k + 1] - times[k]
-        slope = (u[:, k + 1] - u[:, k]) / interval if hold == "linear" else np.zeros(u.shape[0])
-        x, z, h = stepper.across(x, z, float(times[k]), float(times[k + 1]), u[:, k], slope, h)
-        states[:, k + 1] = x
-    return _trajectory(dae, times, states, u, values)
+    x, z = initial_states(dae, initial or {}, values, u[:, 0], times[0])
+    slopes = np.diff(u, axis=1) / np.diff(times) if hold == "linear" else np.zeros((u.shape[0], len(times) - 1))
+    if integrator not in ("radau", "idas", "cvodes"):
+        raise ModelError(f"integrator = {integrator!r}: there are 'radau', 'idas' and 'cvodes'; choose one of them")
+    if integrator != "radau":
+        return _by_sundials(integrator, dae, values, (x, z), times, u, slopes, rtol)
+    work = Integrator(dae, find_switches(dae, values, given), values, rtol)
+    samples = _Samples(work)
+    point, h = work.start(x, z, u[:, 0], times[0]), np.inf
+    samples.take(point)
+    for k, (now, then) in enumerate(pairwise(times.tolist())):
+        point, h = work.across(point, now, then, u[:, k], slopes[:, k], h)
+        point = work.sample(point, u[:, k + 1], then)
+        samples.take(point)
+    return samples.trajectory(dae, times, u)
 
 
-def _trajectory(dae: Dae, times: Array, states: Array, u: Array, values: Array) -> Trajectory:
-    rates, algebraics = _highest(dae, states, u, values, times)
-    output = ca.Function("output", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.substitute(dae.output, dae.w, 0 * dae.w)])
-    outputs = (
-        output.map(len(times))(rates, states, algebraics, u, ca.repmat(ca.DM(values), 1, len(times)), times[None, :]).full()
-        if dae.outputs
-        else np.empty((0, len(times)))
-    )
-    return Trajectory(
-        t=times,
-        states={q.name: states[i] for i, q in enumerate(dae.states)},
-        outputs={q.name: outputs[i] for i, q in enumerate(dae.outputs)},
-        algebraics={q.name: algebraics[i] for i, q in enumerate(dae.algebraics)},
-        derivatives={q.name: rates[i] for i, q in enumerate(dae.states)},
-    )
+def _by_sundials(
+    method: Literal["idas", "cvodes"],
+    dae: Dae,
+    values: Array,
+    start: tuple[Array, Array],
+    times: Array,
+    u: Array,
+    slopes: Array,
+    rtol: float,
+) -> Trajectory:
+    plain = unswitched(dae, values)
+    work = Integrator(dae, plain, values, rtol)
+    samples = _Samples(work)
+    point = work.start(*start, u[:, 0], times[0])
+    states, algebraics = integrate(method, dae, plain.residual, (point.x, point.rate, point.z), times, u, slopes, rtol)
+    for k, t in enumerate(times.tolist()):
+        samples.take(work.start(states[:, k], algebraics[:, k], u[:, k], t))
+    return samples.trajectory(dae, times, u)
 
 
-def _highest(dae: Dae, states: Array, u: Array, values: Array, times: Array, guess: Array | None = None) -> tuple[Array, Array]:
-    """x' and z at given states: Newton's method on F (one step where F is linear in them), for all samples at once."""
-    count, nx = states.shape[1], dae.x.shape[0]
-    unknown = ca.vertcat(dae.dx, dae.z)
-    known = ca.vertcat(dae.x, dae.u, dae.t)
-    residual = ca.substitute(ca.substitute(dae.residual, dae.w, 0 * dae.w), dae.p, ca.DM(values))
-    both = ca.Function("both", [unknown, known], [residual, ca.jacobian(residual, unknown)])
-    y, k = ca.MX.sym("y", unknown.shape[0]), ca.MX.sym("k", known.shape[0])
-    value, jacobian = both(y, k)
-    step = ca.Function("step", [y, k], [ca.solve(jacobian, value, "qr")]).map(count)
-    given = np.vstack([states, u, times[None, :]])
-    found = np.zeros((unknown.shape[0], count)) if guess is None else guess
-    for _ in range(30):
-        try:
-            change = step(found, given).full()
-        except RuntimeError:  # CasADi: a singular matrix
-            break
-        found = found - change
-        if not np.all(np.isfinite(found)):
-            break
-        if np.max(np.abs(change) / (1.0 + np.abs(found)), initial=0.0) < 1e-12:
-            return found[:nx], found[nx:]
-    when = f"{times[0]:.9g} s" if count == 1 else f"{times[0]:.9g} .. {times[-1]:.9g} s"
-    raise SolveError(
-        f"no accelerations and algebraic values fulfil the equations of '{dae.name}' at t = {when}: the model is singular for these "
-        "parameter values (a mass of zero?), or the initial values are far from consistent"
-    )
+class _Samples:
+    """What is kept of each sample: states, rates, algebraics, and the modes that were in force, by which outputs are read."""
 
+    def __init__(self, integrator: Integrator) -> None:
+        self.integrator = integrator
+        self.points: list[tuple[Array, Array, Array]] = []
+        self.modes: list[Array] = []
+        self.readers: dict[Any, tuple[Any, list[int]]] = {}
 
-def _initial(dae: Dae, initial: Mapping[str, float], values: Array, u: Array, t: float) -> tuple[Array, Array]:
-    names = [q.name for q in (*dae.states, *dae.algebraics)]
-    for name, value in initial.items():
-        if name not in names:
-            raise ModelError(f"initial['{name}']: model '{dae.name}' has no such state; {suggestion(name, names)}")
-        _finite(f"initial['{name}']", value)
-    x = np.array([float(initial.get(q.name, q.start)) for q in dae.states])
-    z = np.array([float(initial.get(q.name, q.start)) for q in dae.algebraics])
-    if dae.invariants.shape[0]:
-        x = _project(dae, initial, values, u, x, t)
-    _, found = _highest(dae, x[:, None], u[:, None], values, np.array([t]), np.concatenate([np.zeros(len(x)), z])[:, None])
-    return x, found[:, 0]
+    def take(self, point: Point) -> None:
+        reader = self.readers.setdefault(self.integrator.key, (self.integrator, []))
+        if not reader[1]:
+            reader = self.readers[self.integrator.key] = (self.integrator.output, [])
+        reader[1].append(len(self.points))
+        self.points.append((point.x, point.rate, point.z))
+        self.modes.append(self.integrator.m.copy())
 
-
-def _project(dae: Dae, initial: Mapping[str, float], values: Array, u: Array, x: Array, t: float) -> Array:
-    """The nearest states (those given in `initial` kept) that fulfil the invariants: Gauss-Newton with least-norm steps."""
-    free = np.array([q.name not in initial for q in dae.states])
-    constraints = ca.Function("I", [dae.x, dae.u, dae.p, dae.t], [dae.invariants, ca.jacobian(dae.invariants, dae.x)])
-    for _ in range(50):
-        defect, jacobian = (m.full() for m in constraints(x, u, values, t))
-        if np.max(np.abs(defect)) < 1e-13 * max(1.0, float(np.max(np.abs(x)))):
-            return x
-        change = np.linalg.lstsq(jacobian[:, free], defect[:, 0], rcond=1e-10)[0] if free.any() else np.zeros(0)
-        if not np.all(np.isfinite(change)) or np.max(np.abs(change), initial=0.0) < 1e-15:
-            break
-        x = x.copy()
-        x[free] -= change
-    if np.max(np.abs(defect)) < 1e-9 * max(1.0, float(np.max(np.abs(x)))):
-        return x
-    given = ", ".join(f"{name} = {value:g}" for name, value in initial.items()) or "all states at their start values"
-    raise ModelError(
-        f"initial: {given} violates the constraints of '{dae.name}' by {np.max(np.abs(defect)):.3g}; "
-        "give consistent values, or fewer, so that the rest can follow"
-    )
+    def trajectory(self, dae: Dae, times: Array, u: Array) -> Trajectory:
+        states, rates = (np.column_stack([p[i] for p in self.points]) for i in (0, 1))
+        algebraics = np.column_stack([p[2][: dae.z.shape[0]] for p in self.points])
+        outputs = np.empty((len(dae.outputs), len(times)))
+        for output, chosen in self.readers.values():
+            z, m = (np.column_stack([column[k] for k in chosen]) for column in ([p[2] for p in self.points], self.modes))
+            if dae.outputs:
+                outputs[:, chosen] = output.map(len(chosen))(
+                    rates[:, chosen], states[:, chosen], z, u[:, chosen], times[None, chosen], m
+                ).full()
+        return Trajectory(
+            t=times,
+            states={q.name: states[i] for i, q in enumerate(dae.states)},
+            outputs={q.name: outputs[i] for i, q in enumerate(dae.outputs)},
+            algebraics={q.name: algebraics[i] for i, q in enumerate(dae.algebraics)},
+            derivatives={q.name: rates[i] for i, q in enumerate(dae.states)},
+            events=tuple(self.integrator.events),
+        )
 
 
 def _times(t: ArrayLike) -> Array:
@@ -196,7 +193,7 @@ def _parameters(dae: Dae, parameters: Mapping[str, float]) -> Array:
     for name, value in parameters.items():
         if name not in names:
             raise ModelError(f"parameters['{name}']: model '{dae.name}' has no such parameter; {suggestion(name, names)}")
-        _finite(f"parameters['{name}']", value)
+        finite(f"parameters['{name}']", value)
         info = dae.parameters[names.index(name)]
         if not info.minimum <= value <= info.maximum:
             raise ModelError(
@@ -204,8 +201,3 @@ def _parameters(dae: Dae, parameters: Mapping[str, float]) -> Array:
             )
     sharp = {q.name: max(q.value * SHARPNESS, q.minimum) for q in dae.parameters if q.smoothing}
     return np.array(dae.parameter_values({**sharp, **parameters}))
-
-
-def _finite(where: str, value: object) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not np.isfinite(float(value)):
-        raise ModelError(f"{where} = {value!r}: a finite number is needed")

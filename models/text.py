@@ -5,7 +5,7 @@ carriage.m*der(carriage.v) = F - friction.d*carriage.v - offset.f + w[carriage]
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import casadi as ca
@@ -13,7 +13,9 @@ import casadi as ca
 from .dae import Dae
 
 SX = Any
-_SUM, _PRODUCT, _POWER, _ATOM = range(4)
+SHORT = 30  # characters: a repeated expression of that length is written out
+_LOGIC, _SUM, _PRODUCT, _POWER, _ATOM = range(5)
+_RELATIONS = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!=", ca.OP_AND: "and", ca.OP_OR: "or"}
 
 
 def equations_text(dae: Dae) -> str:
@@ -41,15 +43,82 @@ def expression_text(expression: SX) -> str:
     return _text(expression)[0]
 
 
+def is_longer(e: SX, limit: int) -> bool:
+    """Whether an expression takes more than about so many characters."""
+    return _size(e, {}) > limit
+
+
+def abbreviated(rows: Sequence[SX]) -> tuple[list[SX], list[tuple[str, SX]]]:
+    """The rows with what they repeat replaced by e1, e2, ..., and the definitions of these, each after those that it needs."""
+    shared, symbols, values = ca.shared(ca.vertsplit(ca.cse(ca.vertcat(*rows))), "e")
+    column, kept = ca.vertcat(*shared, *values), {}
+    for number, symbol in enumerate(symbols, start=len(rows)):
+        if is_longer(column[number], SHORT):
+            kept[symbol.name()] = (symbol, number)
+        else:
+            column = ca.substitute(column, symbol, column[number])
+    order: dict[str, SX] = {}
+
+    def visit(expression: SX) -> None:
+        for symbol in ca.symvar(expression):
+            name = symbol.name()
+            if name in kept and name not in order:
+                visit(column[kept[name][1]])
+                order[name] = ca.SX.sym(f"e{len(order) + 1}")
+
+    visit(column[: len(rows)])
+    if order:
+        column = ca.substitute(column, ca.vertcat(*(kept[name][0] for name in order)), ca.vertcat(*order.values()))
+    return [column[i] for i in range(len(rows))], [(short.name(), column[kept[name][1]]) for name, short in order.items()]
+
+
+def wrapped(text: str, width: int, indent: int) -> list[str]:
+    """An equation in lines of at most `width` characters where it can be broken before = + -, the lines after the first indented."""
+    lines, room = [], width
+    while len(text) > room and (at := _break(text, room)):
+        lines.append(text[:at])
+        text, room = " " * indent + text[at + 1 :], width
+    return [*lines, text]
+
+
+def _break(text: str, room: int) -> int:
+    """The space before =, + or - within `room`, in as few brackets as possible and then as late as possible; 0 if there is none."""
+    depth, best, start = 0, (0, 0), len(text) - len(text.lstrip())
+    for i, character in enumerate(text[: room + 1]):
+        depth += (character == "(") - (character == ")")
+        if i > start + room // 3 and text[i : i + 3] in (" + ", " - ", " = "):
+            best = max(best, (1000 - depth, i))
+    return best[1]
+
+
+def _size(e: SX, known: dict[int, int]) -> int:
+    """About how many characters an expression takes, in time linear in its nodes."""
+    stack = [e]
+    while stack:
+        node = stack[-1]
+        key = node.element_hash()
+        below = [node.dep(i) for i in range(node.n_dep())]
+        missing = [d for d in below if d.element_hash() not in known]
+        if missing:
+            stack += missing
+            continue
+        stack.pop()
+        known[key] = (len(node.name()) if node.is_symbolic() else 3) + sum(known[d.element_hash()] for d in below)
+    return known[e.element_hash()]
+
+
 def _terms(e: SX, sign: int) -> Iterator[tuple[int, SX]]:
-    op = e.op()
-    if op == ca.OP_ADD or op == ca.OP_SUB:
-        yield from _terms(e.dep(0), sign)
-        yield from _terms(e.dep(1), sign if op == ca.OP_ADD else -sign)
-    elif op == ca.OP_NEG:
-        yield from _terms(e.dep(0), -sign)
-    else:
-        yield sign, e
+    """The summands of an expression with their signs, from left to right; sums of any depth."""
+    stack = [(sign, e)]
+    while stack:
+        now, node = stack.pop()
+        op = node.op()
+        if op in (ca.OP_ADD, ca.OP_SUB):
+            stack += [(now if op == ca.OP_ADD else -now, node.dep(1)), (now, node.dep(0))]
+        elif op == ca.OP_NEG:
+            stack.append((-now, node.dep(0)))
+        else:
+            yield now, node
 
 
 def _join(terms: list[tuple[int, SX]]) -> str:
@@ -61,7 +130,7 @@ def _join(terms: list[tuple[int, SX]]) -> str:
     parts = []
     for i, (sign, term) in enumerate(ordered):
         text, level = _text(term)
-        text = f"({text})" if level == _SUM else text
+        text = f"({text})" if level <= _SUM else text
         parts.append((" + " if sign > 0 else " - ") + text if i else ("" if sign > 0 else "-") + text)
     return "".join(parts)
 
@@ -85,6 +154,12 @@ def _text(e: SX) -> tuple[str, int]:
         return f"{_bracket(e.dep(0), _ATOM)}^2", _POWER
     if op in (ca.OP_POW, ca.OP_CONSTPOW):
         return f"{_bracket(e.dep(0), _ATOM)}^{_bracket(e.dep(1), _ATOM)}", _POWER
+    if op in _RELATIONS:
+        return f"{_bracket(e.dep(0), _SUM)} {_RELATIONS[op]} {_bracket(e.dep(1), _SUM)}", _LOGIC
+    if op == ca.OP_NOT:
+        return f"not {_bracket(e.dep(0), _PRODUCT)}", _LOGIC
+    if op == ca.OP_IF_ELSE_ZERO:
+        return f"{_bracket(e.dep(1), _SUM)} if {_text(e.dep(0))[0]} else 0", _LOGIC
     name = str(e).rpartition("], ")[2].split("(")[0]
     arguments = ", ".join(_text(e.dep(i))[0] for i in range(e.n_dep()))
     return f"{name}({arguments})", _ATOM

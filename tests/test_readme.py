@@ -30,3 +30,21 @@ def test_the_plant_of_the_tutorial_compiles():
     exec(compile(example, "README.md", "exec"), names)
     dae = compile_model(names["drive"]())  # type: ignore[operator]
     assert [q.name for q in dae.states] == ["motor.phi", "motor.omega", "load.phi", "load.omega"]
+
+
+TUTORIAL = README.parent / "models" / "TUTORIAL.md"
+
+
+@pytest.mark.skipif(not TUTORIAL.exists(), reason="the tutorial lies beside the models in a checkout only")
+def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```python\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+    assert sum(line.strip() != "" for line in blocks[0].splitlines()) <= 25
+    names: dict[str, object] = {}
+    for block in blocks:
+        exec(compile(block, "TUTORIAL.md", "exec"), names)
+    twist = re.search(r"the shaft twists by up to ([0-9.]+) rad", capsys.readouterr().out)
+    assert twist is not None
+    # the load's share of the torque over the stiffness, far below the resonance
+    assert float(twist[1]) == pytest.approx(0.1 * 1e-3 / 1.2e-3 / 4.0, rel=0.25)
+    assert (tmp_path / "two_mass_drive.fmu").exists()

@@ -221,7 +221,7 @@ def test_an_unusable_study_is_refused_by_one_sentence(folder, text, words):
         ("def machine():\n    return 42\n", "plant.py:machine", ("machine()", "42", "int", "Model")),
         ("def machine(size):\n    return size\n", "plant.py:machine", ("machine", "size")),
         ("x = 1\n", "plant.py", ("plant.py", "function")),
-        ("x = 1\n", "axis.mo:Axis", ("axis.mo", "rumoca", "not installed")),
+        ("x = 1\n", "axis.mo:Axis", ('"axis.mo:Axis"', "there is no file")),
     ],
 )
 def test_a_fault_in_a_model_file_is_reported_with_file_and_line(folder, source, name, words):

@@ -2,9 +2,10 @@
 
 from typing import Any
 
+import casadi as ca
 import pytest
 
-from backsight.models import Component, Equation, Model, ModelError, Variable, balance, compile_model, equal, law
+from backsight.models import Component, Equation, Model, ModelError, Variable, balance, compile_model, equal, law, simulate
 from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
 from backsight.models.mechanics.translational import Force, Mass, Rigid
 
@@ -106,3 +107,59 @@ class Position(Component):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {"drive": equal(c.flange.s, c.s)}
+
+
+class Follower(Component):
+    """A mass pushed by a force so that it keeps to a curve through an algebraic variable.   z + z^3 = 2 x,  z = constant y"""
+
+    x = Variable("m", state=True)
+    v = Variable("m/s", state=True)
+    y = Variable("m", state=True)
+    u = Variable("m/s", state=True)
+    z = Variable("m")
+    f = Variable("N")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {
+            "velocity x": equal(c.v, c.der(c.x)),
+            "velocity y": equal(c.u, c.der(c.y)),
+            "balance x": balance(c.der(c.v), c.f * (1 + 3 * c.z**2), place="x", unit="N"),
+            "balance y": balance(c.der(c.u), -2 * c.f, 1.0, place="y", unit="N"),
+            "curve": equal(c.z + c.z**3, 2 * c.x),
+            "link": equal(ca.sin(c.z), ca.sin(c.y)),
+        }
+
+
+def test_an_algebraic_variable_in_a_constraint_is_differentiated_with_it() -> None:
+    dae = compile_model(Model(name="m", components={"a": Follower()}))
+    assert dae.index == 3
+    assert "a.z" in [q.name for q in dae.states]
+    assert dae.invariants.shape[0] == 4
+    x, y, speed = 0.5 * (0.4 + 0.4**3), 0.4, 0.3
+    v = 0.5 * (1 + 3 * 0.4**2) * speed
+    initial = {"a.x": x, "a.y": y, "a.z": 0.4, "a.u": speed, "a.v": v}
+    rates = simulate(dae, [0.0], initial={n: value for n, value in initial.items() if n in [q.name for q in dae.states]}).derivatives
+    slope, bend = 0.5 * (1 + 3 * y**2), 3 * y  # dx/dy, d2x/dy2
+    turn = (slope - bend * speed**2) / (2 * slope)  # from v' = slope u' + bend u^2 = 2 slope f and u' = 1 - 2 f
+    assert rates["a.u"][0] == pytest.approx(turn)
+    assert rates["a.v"][0] == pytest.approx(slope * turn + bend * speed**2)
+
+
+class Contradiction(Component):
+    """Two laws for the same sum of forces, and a motion that is given by another."""
+
+    x = Variable("m", state=True)
+    f = Variable("N")
+    g = Variable("N")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {
+            "motion": equal(c.der(c.x), ca.sin(c.x)),
+            "first": equal(c.f + c.g, c.x),
+            "second": equal(c.f + c.g, ca.cos(c.x)),
+        }
+
+
+def test_equations_without_a_finite_index_are_named() -> None:
+    with pytest.raises(ModelError, match=r"have no finite index: '(first|second) of a' and its derivatives determine nothing"):
+        compile_model(Model(name="m", components={"a": Contradiction()}))

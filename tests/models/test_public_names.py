@@ -4,11 +4,12 @@ import subprocess
 import sys
 
 import backsight.models as models
-from backsight.models.mechanics import planar, rotational, translational
+from backsight.models import electrical, signals
+from backsight.models.mechanics import gantry, planar, rotational, spatial, translational
 
-NAMES = """BacksightError Component Connector Dae Equation EquationInfo InputError Model ModelError Output Pair Parameter ParameterInfo
-Place Planar Quantity Rotational Shared SignalInput SignalOutput SolveError Trajectory Translational Variable balance compile_model equal
-equations_text law simulate"""
+NAMES = """BacksightError BodyFrame Component Connector Dae Electrical Equation EquationInfo Event Frame InputError Model ModelError
+Output Pair Parameter ParameterInfo Place Planar Quantity Rotational Shared SignalInput SignalOutput SolveError Trajectory
+Translational Variable balance compile_model equal equations_text law simulate"""
 
 
 def test_the_public_names_are_these_and_exist() -> None:
@@ -19,15 +20,16 @@ def test_the_public_names_are_these_and_exist() -> None:
 def test_every_component_says_what_it_is() -> None:
     components = [
         c
-        for module in (planar, rotational, translational)
+        for module in (electrical, gantry, planar, rotational, signals, spatial, translational)
         for c in vars(module).values()
         if isinstance(c, type) and issubclass(c, models.Component) and c is not models.Component
     ]
     assert len(components) >= 27
     for component in components:
-        assert (component.__doc__ and "Connectors:" in component.__doc__) or "Base of" in (component.__doc__ or ""), component
+        assert any(word in (component.__doc__ or "") for word in ("Connectors:", "Signals:", "Base of")), component
         for parameter in component.declared_parameters.values():
-            assert all((parameter.unit, parameter.description)), component
+            assert parameter.description, component
+            assert parameter.unit or not component.declared_connectors, component  # a block's may be that of its signals
         assert not component.declared_parameters or "Parameters:" in (component.__doc__ or ""), component
 
 

@@ -130,7 +130,7 @@ def test_a_shared_component_is_seen_by_all() -> None:
     joined = [("a.flange", "body.flange"), ("b.flange", "body.flange")]
     model = axis(components=parts, connections=joined, inputs={}, outputs={"x": "body.s"})
     assert moved(model) == pytest.approx(4.0 * 2.0 / 2.0 / 2.0, rel=1e-9)
-    with pytest.raises(ModelError, match=r"Weight 'a' needs the model's Slope, and 'axis' has none; add one, e\.g\. world=Slope"):
+    with pytest.raises(ModelError, match=r"Weight 'a' needs the model's Slope, and 'axis' has none; add one, e\.g\. slope=Slope"):
         compile_model(model.without("slope"))
     with pytest.raises(ModelError, match=r"has 2 \(slope, other\); keep one"):
         compile_model(replace(model, components={**model.components, "other": Slope()}))

@@ -1,15 +1,17 @@
 """Simulation: holds, initial values, agreement with other integrators, and what it refuses."""
 
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete
 
 from backsight.models import Component, Equation, Model, ModelError, Parameter, SolveError, Variable, compile_model, equal, simulate
 from backsight.models.mechanics.translational import AccelerationSensor, Force, Mass
-from backsight.models.plants import actuator
+from backsight.models.plants import PLANTS, actuator
 
 
 def free_mass() -> Model:
@@ -106,6 +108,61 @@ def test_equations_implicit_in_rates_and_algebraics_are_solved_as_they_are() -> 
     assert run.outputs["y"] == pytest.approx([root(x) for x in truth.y[0]], rel=1e-9)
 
 
+@pytest.mark.parametrize("name", ["xy_table", "five_bar", "quadrotor"])
+def test_a_plant_under_smooth_inputs_agrees_with_idas(name: str) -> None:
+    """Laws rounded at their defaults, so that both integrate the same equations."""
+    dae = compile_model(PLANTS[name]())
+    t = np.linspace(0.0, 1.0, 6)
+    size = {"xy_table": 3.0, "five_bar": 0.02, "quadrotor": 0.02}[name]
+    mean = 0.7 if name == "quadrotor" else 0.0
+    u = {q.name: mean + size * np.sin((i + 1) * t) for i, q in enumerate(dae.inputs)}
+    widths = {q.name: q.value for q in dae.parameters if q.smoothing}
+    ours = simulate(dae, t, u, widths, hold="linear")
+    theirs = simulate(dae, t, u, widths, hold="linear", integrator="idas", rtol=1e-11)
+    for mine, other in ((ours.states, theirs.states), (ours.algebraics, theirs.algebraics), (ours.outputs, theirs.outputs)):
+        for key, values in mine.items():
+            assert values == pytest.approx(other[key], abs=2e-6 * max(np.ptp(values), 1e-3))
+
+
+def test_held_inputs_agree_with_cvodes_and_with_the_matrix_exponential() -> None:
+    dae = compile_model(actuator())
+    t = np.arange(200) * 1e-2
+    force = 50.0 * np.random.default_rng(0).standard_normal(len(t))
+    linear = {"friction.f_c": 0.0, "offset.f": 0.0}
+    A, B = np.array([[0.0, 1.0], [0.0, -203.5 / 95.109]]), np.array([[0.0], [1.0 / 95.109]])
+    step, push, *_ = cont2discrete((A, B, np.eye(2), np.zeros((2, 1))), 1e-2)
+    exact = np.zeros((2, len(t)))
+    for k in range(len(t) - 1):
+        exact[:, k + 1] = step @ exact[:, k] + push[:, 0] * force[k]
+    for integrator, rtol, accuracy in (("radau", 1e-10, 1e-12), ("cvodes", 1e-9, 1e-5), ("idas", 1e-9, 1e-5)):
+        run = simulate(dae, t, {"F": force}, linear, integrator=integrator, rtol=rtol)  # type: ignore[arg-type]
+        for name, row in zip(("carriage.s", "carriage.v"), exact, strict=True):
+            assert run.states[name] == pytest.approx(row, abs=accuracy * np.ptp(row))
+
+
+def test_a_stuck_axis_agrees_with_scipy_on_the_rounded_law() -> None:
+    """Coulomb friction through reversals: scipy's Radau on tanh(v/width), to what the width of 1e-6 m/s leaves open."""
+    t = np.linspace(0.0, 2.0, 21)
+    run = simulate(compile_model(actuator()), t, {"F": 40.0 * np.sin(6.0 * t)}, {"offset.f": 0.0}, hold="linear")
+
+    def rate(time: float, q: np.ndarray) -> list[float]:
+        return [q[1], (np.interp(time, t, 40.0 * np.sin(6.0 * t)) - 203.5 * q[1] - 20.394 * np.tanh(q[1] / 1e-6)) / 95.109]
+
+    truth = np.array([0.0, 0.0])[:, None]
+    for now, then in pairwise(t.tolist()):
+        part = solve_ivp(rate, (now, then), truth[:, -1], method="Radau", rtol=1e-9, atol=1e-12)
+        truth = np.column_stack([truth, part.y[:, -1]])
+    assert run.states["carriage.v"] == pytest.approx(truth[1], abs=2e-4 * np.ptp(truth[1]))
+    assert run.states["carriage.s"] == pytest.approx(truth[0], abs=2e-4 * np.ptp(truth[0]))
+    assert any(event.kind == "stick" for event in run.events)
+
+
+def test_cvodes_refuses_a_model_with_algebraic_variables() -> None:
+    dae = compile_model(Model(name="implicit", components={"a": Implicit()}))
+    with pytest.raises(ModelError, match=r"integrator='cvodes': model 'implicit' has 1 algebraic variables; .*use 'radau' or 'idas'"):
+        simulate(dae, [0.0, 1.0], integrator="cvodes")
+
+
 class RunAway(Component):
     """x' = x^2 from 1: infinite at t = 1."""
 
@@ -153,6 +210,7 @@ def test_smoothing_widths_do_not_matter_unless_given() -> None:
         ({"t": [0.0, 0.2, 0.1]}, r"t\[2\] = 0.1 s does not follow t\[1\] = 0.2 s; sort the samples"),
         ({"t": [0.0, np.nan, 0.1]}, r"t\[1\] = nan is not finite"),
         ({"t": [[0.0, 0.1]]}, r"t has shape \(1, 2\); give the sample times as one column"),
+        ({"integrator": "euler"}, "integrator = 'euler': there are 'radau', 'idas' and 'cvodes'"),
         ({"hold": "cubic"}, "hold = 'cubic': an input is held 'zero' or 'linear'"),
     ],
 )

@@ -38,7 +38,7 @@ def test_the_balance_of_the_axis_reads_like_the_textbook() -> None:
     assert lines[1].startswith(
         "carriage.m*der(carriage.v) = F - friction.d*carriage.v - friction.f_c*tanh(carriage.v/friction.width) - offset.f + w[carriage]"
     )
-    assert lines[2] == "x = carriage.s    [output]"
+    assert lines[2] == "x = encoder.gain*carriage.s + encoder.bias    [output]"
 
 
 def test_a_model_describes_all_that_a_user_may_name() -> None:
@@ -56,3 +56,17 @@ def test_a_model_describes_all_that_a_user_may_name() -> None:
         "x  [m]  encoder.s",
     ):
         assert word in text
+
+
+def test_a_sum_of_thousands_of_terms_is_written_without_running_out_of_stack() -> None:
+    x = ca.SX.sym("x", 3000)
+    total = x[0]
+    for i in range(1, 3000):
+        total = total + x[i]
+    assert expression_text(total).count(" + ") == 2999
+
+
+def test_a_condition_reads_as_one() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    assert expression_text(ca.if_else(x < y, x, 0)) == "x if x < y else 0"
+    assert expression_text(1 + ca.if_else(x < y, x, 0)) == "1 + (x if x < y else 0)"

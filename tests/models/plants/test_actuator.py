@@ -2,14 +2,14 @@
 
 import time
 from itertools import pairwise
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from backsight.models import compile_model, simulate
-from backsight.models.mechanics.translational import Mass, Spring
+from backsight.models import ModelError, compile_model, simulate
 from backsight.models.plants import PLANTS, actuator
 
 M, D, F_C, OFFSET = 95.109, 203.50, 20.394, -3.165
@@ -51,6 +51,8 @@ def test_names_units_and_defaults_are_the_published_ones() -> None:
         "friction.d": (D, "N.s/m"),
         "friction.f_c": (F_C, "N"),
         "offset.f": (OFFSET, "N"),
+        "encoder.gain": (1.0, "1"),
+        "encoder.bias": (0.0, "m"),
     }
     assert [q.name for q in dae.parameters if q.smoothing] == ["friction.width"]
     assert [(p.name, p.unit, p.kind, p.enabled) for p in dae.places] == [("carriage", "N", "balance", True)]
@@ -113,12 +115,42 @@ def test_with_coulomb_friction_it_sticks_and_slips_as_the_event_accurate_solutio
     assert np.abs(run.states["carriage.v"] - v).max() < 1e-6 * np.ptp(v)
 
 
-def test_a_compliant_screw_gives_the_two_mass_resonance() -> None:
-    k, nut = 4e6, 20.0
-    model = actuator().replace("screw", Spring(k=k)).insert("screw.flange_a", Mass(m=nut), name="nut")
-    dae = compile_model(model)
-    quiet = {"friction.f_c": 0.0, "friction.d": 0.0, "offset.f": 0.0}
+QUIET = {"friction.f_c": 0.0, "friction.d": 0.0, "offset.f": 0.0, "screw.d": 0.0}
+
+
+@pytest.mark.parametrize(("encoder", "side"), [("motor", "motor_mass"), ("carriage", "carriage")])
+def test_a_compliant_screw_gives_the_two_mass_resonance_on_either_side(encoder: Literal["motor", "carriage"], side: str) -> None:
+    dae = compile_model(actuator(screw="compliant", encoder=encoder))
+    values = {q.name: q.value for q in dae.parameters}
+    k, nut = values["screw.k"], values["motor_mass.m"]
+    assert nut + values["carriage.m"] == pytest.approx(M)
     t = np.linspace(0.0, 0.05, 101)
-    run = simulate(dae, t, {"F": 0.0}, quiet, {"nut.s": 1e-4})
-    frequency = np.sqrt(k * (1 / nut + 1 / M))
-    assert run.outputs["x"] - run.states["carriage.s"] == pytest.approx(1e-4 * np.cos(frequency * t), abs=1e-11)
+    run = simulate(dae, t, {"F": 0.0}, QUIET, {"motor_mass.s": 1e-4})
+    frequency = np.sqrt(k * (1 / nut + 1 / (M - nut)))
+    assert frequency / (2 * np.pi) == pytest.approx(80.0, abs=0.5)
+    assert values["screw.d"] / (2 * k / frequency) == pytest.approx(0.02, rel=0.01)
+    twist = run.states["motor_mass.s"] - run.states["carriage.s"]
+    assert twist == pytest.approx(1e-4 * np.cos(frequency * t), abs=1e-11)
+    assert np.array_equal(run.outputs["x"], run.states[f"{side}.s"])
+
+
+def test_a_compliant_axis_moves_as_the_rigid_one_in_the_long_run() -> None:
+    t = np.linspace(0.0, 2.0, 201)
+    force = 100.0 * np.sin(2 * np.pi * t)
+    rigid, soft = (simulate(compile_model(actuator(screw)), t, {"F": force}) for screw in ("rigid", "compliant"))  # type: ignore[arg-type]
+    assert np.abs(rigid.outputs["x"] - soft.outputs["x"]).max() < 2 * 100.0 / 4e6 < 1e-3 * np.ptp(rigid.outputs["x"])  # two wind-ups
+
+
+def test_a_compliant_screw_has_its_own_states_and_places() -> None:
+    dae = compile_model(actuator("compliant"))
+    assert [q.name for q in dae.states] == ["motor_mass.s", "motor_mass.v", "carriage.s", "carriage.v"]
+    assert [p.name for p in dae.places] == ["motor_mass", "carriage"]
+    assert ("screw", "N") in [(p.name, p.unit) for p in dae.dormant_places]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"), [({"screw": "soft"}, r"screw='soft'.*'rigid' or"), ({"encoder": "nut"}, r"encoder='nut'.*'motor'")]
+)
+def test_another_variant_is_refused(arguments: dict[str, Any], text: str) -> None:
+    with pytest.raises(ModelError, match=text):
+        actuator(**arguments)

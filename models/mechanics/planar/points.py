@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from ..connectors import Planar
-from ..language import Component, Equation, Parameter, Variable, balance, equal
-from ..model import ground_of
+from ...connectors import Planar
+from ...language import Component, Equation, Parameter, Variable, balance, equal
+from ...model import ground_of
 
 
 class PointMass(Component):

@@ -1,4 +1,4 @@
-"""The plane: free fall, and pendulums in Cartesian coordinates against the same motion in angles."""
+"""Points in the plane: free fall, and pendulums in Cartesian coordinates against the same motion in angles."""
 
 from typing import Any
 

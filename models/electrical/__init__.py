@@ -1,0 +1,21 @@
+"""Electrical parts: lumped elements, sources, sensors, and the motors that turn current into torque."""
+
+from .elements import Capacitor, ElectricalGround, Inductor, Resistor, TwoPin
+from .sensors import CurrentSensor, VoltageSensor
+from .sources import Current, Voltage
+from .transmission import EMF, DCMotor, TorqueMotor
+
+__all__ = [
+    "EMF",
+    "Capacitor",
+    "Current",
+    "CurrentSensor",
+    "DCMotor",
+    "ElectricalGround",
+    "Inductor",
+    "Resistor",
+    "TorqueMotor",
+    "TwoPin",
+    "Voltage",
+    "VoltageSensor",
+]

@@ -1,0 +1,145 @@
+"""Signal blocks without memory: sources, sums, and the limits of amplifiers.
+
+Corners are rounded: with r = rounding * corner,
+
+    sat(u, limit) = (sqrt((u + limit)^2 + r^2) - sqrt((u - limit)^2 + r^2)) / 2
+
+is odd, stays within the limit, and is off by r/2 at most (at a corner), by limit (r/u)^2 / 2 far beyond it. The rounding is no physics.
+"""
+
+from typing import Any
+
+import casadi as ca
+
+from ..language import Component, Equation, Parameter, SignalInput, SignalOutput, equal
+
+
+def rounded_saturation(u: Any, limit: Any, rounding: Any) -> Any:
+    """u between -limit and limit, with corners rounded over rounding * limit (see the head of the file)."""
+    r2 = (rounding * limit) ** 2
+    return (ca.sqrt((u + limit) ** 2 + r2) - ca.sqrt((u - limit) ** 2 + r2)) / 2
+
+
+class Constant(Component):
+    """A constant.   y = value
+
+    Signals:    y (output)
+    Parameters: value, 0 by default
+    """
+
+    y = SignalOutput(description="the constant")
+    value = Parameter("", 0.0, description="the constant")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"constant": equal(c.y, c.value)}
+
+
+class Sine(Component):
+    """A sine.   y = offset + amplitude sin(2 pi frequency t + phase)
+
+    Signals:    y (output)
+    Parameters: amplitude, 1 by default; frequency [Hz], 1 by default; phase [rad], 0 by default; offset, 0 by default
+    """
+
+    y = SignalOutput(description="the sine")
+    amplitude = Parameter("", 1.0, description="amplitude")
+    frequency = Parameter("Hz", 1.0, min=0.0, description="frequency")
+    phase = Parameter("rad", 0.0, description="phase at t = 0")
+    offset = Parameter("", 0.0, description="mean value")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"sine": equal(c.y, c.offset + c.amplitude * ca.sin(2 * ca.pi * c.frequency * c.time + c.phase))}
+
+
+class Gain(Component):
+    """A gain.   y = gain u
+
+    Signals:    u (input), y (output), of one unit
+    Parameters: gain [1] 1 by default
+    """
+
+    u = SignalInput()
+    y = SignalOutput()
+    gain = Parameter("1", 1.0, description="output over input")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"gain": equal(c.y, c.gain * c.u)}
+
+
+class Offset(Component):
+    """A constant error.   y = u + bias
+
+    Signals:    u (input), y (output), of one unit
+    Parameters: bias [that unit] 0 by default (absent)
+    """
+
+    u = SignalInput()
+    y = SignalOutput()
+    bias = Parameter("", 0.0, description="output without input")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"offset": equal(c.y, c.u + c.bias)}
+
+
+class Drift(Component):
+    """An error that grows with time, from nothing at t = 0.   y = u + rate t
+
+    Signals:    u (input), y (output), of one unit
+    Parameters: rate [that unit/s] 0 by default (absent)
+    """
+
+    u = SignalInput()
+    y = SignalOutput()
+    rate = Parameter("", 0.0, description="growth of the error per second")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"drift": equal(c.y, c.u + c.rate * c.time)}
+
+
+class Sum(Component):
+    """A weighted sum of two signals of one unit.   y = k_1 u_1 + k_2 u_2
+
+    Signals:    u_1, u_2 (inputs), y (output)
+    Parameters: k_1, k_2 [1], 1 by default
+    """
+
+    u_1 = SignalInput()
+    u_2 = SignalInput()
+    y = SignalOutput()
+    k_1 = Parameter("1", 1.0, description="weight of u_1")
+    k_2 = Parameter("1", 1.0, description="weight of u_2")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"sum": equal(c.y, c.k_1 * c.u_1 + c.k_2 * c.u_2)}
+
+
+class Saturation(Component):
+    """A limit to both sides.   y = sat(u, limit)
+
+    Signals:    u (input), y (output), of one unit
+    Parameters: limit [that unit] 1 by default; rounding [1] of the corners over the limit, 0.01 by default
+    """
+
+    u = SignalInput()
+    y = SignalOutput()
+    limit = Parameter("", 1.0, min=1e-12, description="largest output")
+    rounding = Parameter("1", 1e-2, min=1e-12, description="rounding of the corners over the limit", smoothing=True)
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"saturation": equal(c.y, rounded_saturation(c.u, c.limit, c.rounding))}
+
+
+class DeadZone(Component):
+    """A band without effect: y = 0 for |u| <= width, u -+ width beyond.   y = u - sat(u, width)
+
+    Signals:    u (input), y (output), of one unit
+    Parameters: width [that unit] half the band, 1 by default; rounding [1] of the corners over the width, 0.01 by default
+    """
+
+    u = SignalInput()
+    y = SignalOutput()
+    width = Parameter("", 1.0, min=1e-12, description="half of the band without effect")
+    rounding = Parameter("1", 1e-2, min=1e-12, description="rounding of the corners over the width", smoothing=True)
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"dead zone": equal(c.y, c.u - rounded_saturation(c.u, c.width, c.rounding))}

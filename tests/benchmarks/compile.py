@@ -1,0 +1,81 @@
+"""How the cost of compiling a model grows with its size: `python tests/benchmarks/compile.py`.
+
+A chain of masses joined by springs and dampers, a train of inertias on rigid gears (all on one coordinate), and the actuator. Every line:
+equations of the flat model, states, and the seconds for flattening, for elimination and for the rest (index, singularity, assembly). The
+exponents are those of power laws between a line and the one above it, in the order of the seconds. The machine may be busy: ratios in one
+run are what to look at.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from chains import gear_train, mass_chain
+
+from backsight.models import Model, compiler
+from backsight.models.eliminate import Eliminator, Reduced
+from backsight.models.flatten import FlatModel, flatten
+from backsight.models.plants import actuator
+
+FAMILIES: dict[str, tuple[Callable[[int], Model], tuple[int, ...]]] = {
+    "masses": (mass_chain, (10, 100, 500)),
+    "gears": (gear_train, (10, 100, 500)),
+    "actuator": (lambda _: actuator(), (1,)),
+}
+
+
+def measure(model: Model) -> tuple[int, int, list[float]]:
+    """Equations, states, and the seconds of flattening, of elimination, of the rest and of all."""
+    marks = [time.perf_counter()]
+    equations = 0
+
+    def flattened(model: Model) -> FlatModel:
+        flat = flatten(model)
+        marks.append(time.perf_counter())
+        return flat
+
+    class Timed(Eliminator):
+        def __init__(self, flat: FlatModel, *arguments: Any, **options: Any) -> None:
+            nonlocal equations
+            equations = len(flat.equations)
+            super().__init__(flat, *arguments, **options)
+
+        def run(self) -> Reduced:
+            reduced = super().run()
+            marks.append(time.perf_counter())
+            return reduced
+
+    with patch.object(compiler, "flatten", flattened), patch.object(compiler, "Eliminator", Timed):
+        dae = compiler.compile_model(model)
+    marks.append(time.perf_counter())
+    return equations, len(dae.states), [later - sooner for sooner, later in pairwise(marks)] + [marks[-1] - marks[0]]
+
+
+def main() -> None:
+    """Print the table."""
+    print("model       size  equations  states  flatten s  eliminate s  rest s  total s   exponents")
+    for name, (build, sizes) in FAMILIES.items():
+        before: tuple[int, list[float]] | None = None
+        for size in sizes:
+            equations, states, seconds = measure(build(size))
+            line = (
+                f"{name:8s} {size:7d} {equations:10d} {states:7d} {seconds[0]:10.3f} {seconds[1]:12.3f} {seconds[2]:7.3f} {seconds[3]:8.3f}"
+            )
+            if before is not None:
+                pairs = zip(seconds, before[1], strict=True)
+                line += "   " + " ".join(f"{math.log(now / then) / math.log(size / before[0]):.2f}" for now, then in pairs)
+            print(line, flush=True)
+            before = size, seconds
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,208 @@
+"""Electrical parts against circuits solved by hand, and the transducers against the balance of power."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from backsight.models import Component, Model, ModelError, compile_model, simulate
+from backsight.models.electrical import (
+    EMF,
+    Capacitor,
+    Current,
+    CurrentSensor,
+    DCMotor,
+    ElectricalGround,
+    Inductor,
+    Resistor,
+    TorqueMotor,
+    Voltage,
+    VoltageSensor,
+)
+from backsight.models.mechanics.rotational import Gear, Inertia, RotationalDamper, RotationalFixed
+
+T = np.linspace(0.0, 1.0, 51)
+
+
+def ring(outputs: dict[str, str], **parts: Component) -> Model:
+    """A voltage source and the named parts in series, in order; the source's negative pin is the ground."""
+    names = ["source", *parts]
+    joined = [(f"{a}.{'p' if a == 'source' else 'n'}", f"{b}.p") for a, b in pairwise(names)]
+    return Model(
+        name="ring",
+        components={"source": Voltage(), **parts, "earth": ElectricalGround()},
+        connections=[*joined, (f"{names[-1]}.n", "source.n"), ("source.n", "earth.pin")],
+        inputs={"V": "source.v"},
+        outputs=outputs,
+    )
+
+
+def test_a_voltage_divides_over_resistors_in_series() -> None:
+    model = ring({"i": "one.i", "v": "two.v"}, one=Resistor(R=2.0), two=Resistor(R=6.0))
+    run = simulate(compile_model(model), [0.0, 1.0], {"V": 4.0})
+    assert run.outputs["i"].tolist() == pytest.approx([0.5, 0.5])
+    assert run.outputs["v"].tolist() == pytest.approx([3.0, 3.0])
+
+
+def test_current_rises_in_a_coil_with_its_time_constant() -> None:
+    dae = compile_model(ring({"i": "coil.i"}, coil=Inductor(L=0.3), wire=Resistor(R=1.5)))
+    assert simulate(dae, T, {"V": 6.0}).outputs["i"] == pytest.approx(4.0 * (1 - np.exp(-5.0 * T)), rel=1e-8, abs=1e-11)
+    assert [q.name for q in dae.states] == ["coil.i"]
+
+
+def test_voltage_rises_on_a_capacitor_with_its_time_constant() -> None:
+    dae = compile_model(ring({"v": "store.v"}, wire=Resistor(R=20.0), store=Capacitor(C=0.01)))
+    assert simulate(dae, T, {"V": 6.0}).outputs["v"] == pytest.approx(6.0 * (1 - np.exp(-5.0 * T)), rel=1e-8, abs=1e-11)
+    assert [q.name for q in dae.states] == ["store.v"]
+
+
+def test_coil_and_capacitor_swing_without_loss() -> None:
+    dae = compile_model(ring({"v": "store.v", "i": "coil.i"}, coil=Inductor(L=0.5), store=Capacitor(C=0.02)))
+    run = simulate(dae, T, {"V": 0.0}, initial={"store.v": 3.0})
+    assert run.outputs["v"] == pytest.approx(3.0 * np.cos(10.0 * T), abs=1e-8)
+    assert run.outputs["i"] == pytest.approx(-0.6 * np.sin(10.0 * T), abs=1e-8)
+
+
+def test_coils_in_series_are_one_coil_with_one_residual_voltage() -> None:
+    dae = compile_model(ring({"i": "one.i"}, one=Inductor(L=0.1), two=Inductor(L=0.2), wire=Resistor(R=1.5)))
+    assert [q.name for q in dae.states] == ["one.i"] or [q.name for q in dae.states] == ["two.i"]
+    assert simulate(dae, T, {"V": 6.0}).outputs["i"] == pytest.approx(4.0 * (1 - np.exp(-5.0 * T)), rel=1e-8, abs=1e-11)
+    assert len(dae.places) == 1
+
+
+def test_a_current_source_drives_its_current_through_a_parallel_pair() -> None:
+    model = Model(
+        name="pair",
+        components={
+            "source": Current(),
+            "one": Resistor(R=2.0),
+            "two": Resistor(R=3.0),
+            "gauge": VoltageSensor(),
+            "earth": ElectricalGround(),
+        },
+        connections=[("source.p", f"{name}.p") for name in ("one", "two", "gauge")]
+        + [("source.n", f"{name}.n") for name in ("one", "two", "gauge")]
+        + [("source.n", "earth.pin")],
+        inputs={"I": "source.i"},
+        outputs={"v": "gauge.v", "i": "two.i"},
+    )
+    run = simulate(compile_model(model), [0.0, 1.0], {"I": 5.0})
+    assert run.outputs["v"].tolist() == pytest.approx([6.0, 6.0])
+    assert run.outputs["i"].tolist() == pytest.approx([2.0, 2.0])
+
+
+def test_sensors_read_gain_times_quantity_plus_bias_and_disturb_nothing() -> None:
+    model = ring({"i": "meter.i", "true": "wire.i"}, meter=CurrentSensor(gain=1.1, bias=0.2), wire=Resistor(R=2.0))
+    run = simulate(compile_model(model), [0.0, 1.0], {"V": 6.0})
+    assert run.outputs["true"].tolist() == pytest.approx([3.0, 3.0])
+    assert run.outputs["i"].tolist() == pytest.approx([3.5, 3.5])
+    gauge = model.insert("wire", VoltageSensor(gain=0.9, bias=-0.1), name="gauge")
+    gauge = Model(name="gauge", components=gauge.components, connections=gauge.connections, inputs=gauge.inputs, outputs={"v": "gauge.v"})
+    assert simulate(compile_model(gauge), [0.0, 1.0], {"V": 6.0}).outputs["v"].tolist() == pytest.approx([5.3, 5.3])
+
+
+def test_a_circuit_without_a_ground_is_refused() -> None:
+    floating = ring({}, wire=Resistor()).without("earth")
+    with pytest.raises(ModelError, match="current balance at the connection"):
+        compile_model(floating)
+
+
+def test_residual_places_of_a_circuit_are_its_windings_and_stores() -> None:
+    dae = compile_model(ring({}, coil=Inductor(), store=Capacitor(), wire=Resistor()))
+    assert [(p.name, p.unit, p.kind) for p in dae.places] == [("coil", "V", "balance"), ("store", "A", "balance")]
+    assert [(p.name, p.unit, p.kind) for p in dae.dormant_places] == [("wire", "V", "law")]
+
+
+def generator() -> Model:
+    """A wheel on an EMF with ratio 2 whose circuit is a resistor."""
+    return Model(
+        name="generator",
+        components={
+            "wheel": Inertia(J=0.5),
+            "gear": Gear(ratio=0.5),
+            "emf": EMF(k=3.0),
+            "load": Resistor(R=4.0),
+            "earth": ElectricalGround(),
+        },
+        connections=[
+            ("wheel.flange", "gear.flange_a"),
+            ("gear.flange_b", "emf.flange"),
+            ("emf.p", "load.p"),
+            ("emf.n", "load.n"),
+            ("emf.n", "earth.pin"),
+        ],
+        outputs={"omega": "wheel.omega", "v": "emf.v", "i": "load.i"},
+    )
+
+
+def test_an_emf_brakes_a_wheel_through_a_resistor_and_takes_what_it_gives() -> None:
+    run = simulate(compile_model(generator()), T, initial={"wheel.omega": 2.0})
+    k = 3.0 * 2.0  # seen from the wheel
+    assert run.outputs["omega"] == pytest.approx(2.0 * np.exp(-(k**2) / 4.0 / 0.5 * T), rel=1e-7, abs=1e-10)
+    electrical = run.outputs["v"] * run.outputs["i"]
+    mechanical = -0.5 * run.derivatives["wheel.omega"] * run.states["wheel.omega"]
+    assert electrical == pytest.approx(mechanical, rel=1e-9, abs=1e-12)
+
+
+def motor_and_wheel(**parts: Component) -> Model:
+    chain = {"p": f"{next(iter(parts))}.p", "n": f"{list(parts)[-1]}.n"}
+    names = list(parts)
+    shaft = next(name for name in names if "flange" in parts[name].declared_connectors)
+    return Model(
+        name="motor",
+        components={
+            "source": Voltage(),
+            **parts,
+            "wheel": Inertia(J=0.02),
+            "air": RotationalDamper(d=0.01),
+            "wall": RotationalFixed(),
+            "earth": ElectricalGround(),
+        },
+        connections=[
+            ("source.p", chain["p"]),
+            *((f"{a}.n", f"{b}.p") for a, b in pairwise(names)),
+            (chain["n"], "source.n"),
+            ("source.n", "earth.pin"),
+            (f"{shaft}.flange", "wheel.flange"),
+            ("wheel.flange", "air.flange_a"),
+            ("air.flange_b", "wall.flange"),
+        ],
+        inputs={"V": "source.v"},
+        outputs={"omega": "wheel.omega"},
+    )
+
+
+def test_a_dc_motor_is_its_resistance_inductance_and_emf_in_series() -> None:
+    whole = motor_and_wheel(motor=DCMotor(L=0.05, R=2.0, Km=0.4))
+    parts = motor_and_wheel(wire=Resistor(R=2.0), coil=Inductor(L=0.05), emf=EMF(k=0.4))
+    runs = [simulate(compile_model(model), T, {"V": 10.0 * np.sign(np.sin(9.0 * T))}).outputs["omega"] for model in (whole, parts)]
+    assert runs[0] == pytest.approx(runs[1], rel=1e-9, abs=1e-11)
+
+
+def test_a_dc_motor_runs_up_to_the_speed_where_its_losses_take_the_power() -> None:
+    long = np.linspace(0.0, 20.0, 11)
+    run = simulate(compile_model(motor_and_wheel(motor=DCMotor(L=0.05, R=2.0, Km=0.4))), long, {"V": 10.0})
+    omega, i = run.outputs["omega"][-1], run.states["motor.i"][-1]
+    assert omega == pytest.approx(10.0 * 0.4 / (0.4**2 + 2.0 * 0.01), rel=1e-9)
+    assert 10.0 * i == pytest.approx(2.0 * i**2 + 0.01 * omega**2, rel=1e-9)
+
+
+def test_the_residual_of_a_dc_motor_is_a_voltage_of_its_armature() -> None:
+    dae = compile_model(motor_and_wheel(motor=DCMotor()))
+    assert ("motor", "V", "balance", "voltage balance of motor") in [(p.name, p.unit, p.kind, p.origin) for p in dae.places]
+    assert {"motor.L", "motor.R", "motor.Km"} <= {p.name for p in dae.parameters}
+
+
+def test_a_torque_motor_turns_current_into_torque() -> None:
+    model = Model(
+        name="direct",
+        components={"motor": TorqueMotor(K=0.2), "wheel": Inertia(J=0.5)},
+        connections=[("motor.flange", "wheel.flange")],
+        inputs={"I": "motor.i"},
+        outputs={"omega": "wheel.omega"},
+    )
+    dae = compile_model(model)
+    assert dae.inputs[0].unit == "A"
+    assert simulate(dae, T, {"I": 5.0}).outputs["omega"] == pytest.approx(2.0 * T, rel=1e-10, abs=1e-13)
