@@ -33,6 +33,10 @@ StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study 
 Out = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder of the results [default: named after the study, beside it].")
 ]
+Estimates = Annotated[
+    Path | None,
+    typer.Option("--estimates", metavar="DIR", help="Results of smooth: its estimated parameters take the place of the study's."),
+]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
@@ -90,12 +94,18 @@ def models(
 
 @app.command()
 def simulate(
-    study: StudyArgument, out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Quiet = False, json: Json = False
+    study: StudyArgument,
+    estimates: Estimates = None,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+    json: Json = False,
 ) -> int:
     """Run the model under the recorded inputs, beside the recording."""
     from .commands import Options, run_simulate
 
-    return run_simulate(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json))
+    return run_simulate(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json), estimates)
 
 
 @app.command()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from .interrupt import check
 from .output import json_text, results_folder, write_estimates, write_result
-from .result_json import result_of_simulation, result_of_smoothing
+from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing
 from .study import Study
 from .terminal import console, parameter_table, simulation_table
 from .workers import workers
@@ -46,15 +46,16 @@ def run_smooth(path: Path, options: Options) -> int:
     return _smooth(Study.read(path), options.out or _named_after(path), options, command="smooth")
 
 
-def run_simulate(path: Path, options: Options) -> int:
-    """Simulate a study."""
+def run_simulate(path: Path, options: Options, estimates: Path | None = None) -> int:
+    """Simulate a study, with the parameters estimated in the results folder `estimates` where one is given."""
     from .report import write_simulation_report
     from .simulation import simulate_study
 
     study = Study.read(path)
+    estimated = {} if estimates is None else estimated_parameters(estimates, study.dae)
     out = options.out or _named_after(path)
     with results_folder(out) as folder, _progress(options) as say:
-        answer = simulate_study(study, jobs=options.jobs, scheduler=options.scheduler, progress=say)
+        answer = simulate_study(study, estimated, jobs=options.jobs, scheduler=options.scheduler, progress=say)
         say("writing the report")
         result = result_of_simulation(answer, study.dae)
         write_result(result, folder / "result.json")

@@ -16,24 +16,19 @@ from .recording import Recording
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
-def output_stds(problem: Problem) -> tuple[list[dict[str, float]], set[str]]:
-    """Noise of every output of every fitted recording, and the outputs whose noise nobody gave for any recording.
+def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]]]:
+    """Noise of every output of every fitted recording, and those of them that nobody gave, per recording.
 
-    Given by the weights V, else by the recording, else estimated from the samples' differences.
+    Given by the weights V, else by the recording, else estimated from the samples' differences; the model's own noise stands where they
+    cannot tell.
     """
-    tables, chosen, given_somewhere = [], set(), set(problem.weights.V)
+    tables, chosen = [], []
+    supposed = {q.name: q.noise_std for q in problem.dae.outputs}
     for recording in problem.fitted:
-        table = {}
-        for name, y in recording.outputs.items():
-            given = problem.weights.V.get(name, recording.output_std.get(name))
-            if given is not None:
-                given_somewhere.add(name)
-            else:
-                chosen.add(name)
-                given = noise_std(y)
-            table[name] = float(given)
-        tables.append(table)
-    return tables, chosen - given_somewhere
+        given = {name: problem.weights.V.get(name, recording.output_std.get(name)) for name in recording.outputs}
+        chosen.append({name for name, std in given.items() if std is None})
+        tables.append({name: float(std or noise_std(recording.outputs[name], supposed.get(name))) for name, std in given.items()})
+    return tables, chosen
 
 
 def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, float], step: float) -> Horizon:

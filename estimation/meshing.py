@@ -8,7 +8,7 @@ import numpy as np
 
 from backsight.ocp import Horizon
 from backsight.ocp.follow import Followed
-from backsight.ocp.linear import driven_outputs, fastest_rate, left_out_of_outputs, linearise
+from backsight.ocp.linear import direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
 
 from .horizons import make_horizon, sample_density, sampling_interval
 from .problem import Problem
@@ -21,6 +21,7 @@ LONGEST = 5.0  # mesh step over the sampling interval, at most
 FINEST = 0.5  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
 LOOKED_AT = 40  # places of a recording where the model is linearised
+DIRECT = 0.02  # share of a reading's noise that may be a force that enters it at once before the mesh must resolve it at every sample
 UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
 
 
@@ -71,13 +72,13 @@ def mesh(
         felt = np.max(driven_outputs(places, span) / resolved[:, None], axis=0)  # of a force of std one, over what can be felt
         rigid_here = bool(np.all(felt * std < UNFELT))
         least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
-        longest = 1.0 if rigid_here else LONGEST
+        longest = 1.0 if rigid_here or direct_share(places, std, density) > DIRECT else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.initial, step or own)
         noise = np.array([table.get(q.name, np.inf) for q in problem.dae.outputs])
         for _ in range(int(LONGEST)) if step is None and recording.hold == "zero" else ():
-            moved = left_out_of_outputs(places, made.unresolved_impulse(degree), made.mesh.steps) / noise[:, None]
-            noticed = np.max(moved, axis=0, initial=0.0) > STEPS_UNSEEN
+            moved = left_out_of_outputs(places, made.unresolved_step(degree), made.unresolved_impulse(degree), made.mesh.steps)
+            noticed = np.max(moved / noise[:, None], axis=0, initial=0.0) > STEPS_UNSEEN
             split = made.split_at_steps(noticed)
             if split.mesh.count == made.mesh.count:
                 break

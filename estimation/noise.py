@@ -12,11 +12,12 @@ import numpy as np
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 
-def noise_std(y: Array) -> float:
+def noise_std(y: Array, supposed: float | None = None) -> float:
     """Standard deviation of the white noise in y (n,), NaN where missing; never below quantisation, step/sqrt(12).
 
     The least over differences of order 2 to 6: too low an order sees the signal, and all see the noise.
     Runs without missing samples are used; robust against jumps (median of absolute differences) unless most differences are zero.
+    supposed: what is said where no run is long enough to tell (by itself a thousandth of the signal's variation).
     """
     estimates = []
     for order in range(2, 7):
@@ -29,7 +30,7 @@ def noise_std(y: Array) -> float:
     finite = y[np.isfinite(y)]
     floor = _step(finite) / np.sqrt(12.0)
     size = float(np.std(finite)) or float(np.max(np.abs(finite), initial=0.0)) or 1.0
-    return float(max(min(estimates, default=1e-3 * size), floor, 1e-9 * size))
+    return float(max(min(estimates, default=supposed or 1e-3 * size), floor, 1e-9 * size))
 
 
 def _step(y: Array) -> float:

@@ -57,8 +57,8 @@ class Weights:
 class Problem:
     """Everything `smooth` needs.
 
-    model: a `Model` or its compiled `Dae`. recordings: those with role "fit" are fitted. parameters: name -> `Free` or a fixed
-    value; those not named keep the model's value. initial: known initial states [SI]; of the others nothing is known.
+    model: a `Model` or its compiled `Dae`. recordings: those with role "fit" are fitted, the others predicted. parameters: name ->
+    `Free` or a fixed value; those not named keep the model's value. initial: known initial states [SI]; of the others nothing is known.
     """
 
     model: Model | Dae
@@ -97,14 +97,14 @@ class Problem:
             raise InputError(
                 f"recordings: more than one is called {twice[0]!r}; give each a name of its own: Recording.read(..., name=...)."
             )
-        for recording in self.fitted:
+        for recording in self.recordings:
             missing = [q.name for q in dae.inputs if q.name not in recording.inputs]
             if missing:
                 raise InputError(
                     f"{recording.name}: input {', '.join(missing)} of {dae.name} is not recorded; name its column under inputs."
                 )
             _check(f"{recording.name}: outputs", recording.outputs, [q.name for q in dae.outputs], "output", dae)
-            if not any(np.isfinite(y).any() for y in recording.outputs.values()):
+            if recording.role == "fit" and not any(np.isfinite(y).any() for y in recording.outputs.values()):
                 raise InputError(f"{recording.name}: no output has a value; nothing can be estimated from it.")
 
     @cached_property

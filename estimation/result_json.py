@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping
 from importlib.metadata import version
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from backsight.models.errors import InputError, suggestion
 
 if TYPE_CHECKING:
     from backsight.models import Dae
 
-    from .results import OutputFit, Smoothing
+    from .results import OutputFit, Prediction, Smoothing
     from .simulation import Simulation
 
 
@@ -30,7 +35,7 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
             },
             "V": {name: {"std": std} for name, std in answer.weights.V.items()},
         },
-        "fit": _fit(answer.fit),
+        "fit": _fit(answer.fit) | {name: _predicted(prediction) for name, prediction in answer.held_out.items()},
         "residuals": {name: {"rms": r.rms, "unit": r.unit, "origin": r.origin} for name, r in answer.residual_places.items()},
         "solver": {
             "status": answer.solver.status,
@@ -44,6 +49,33 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
         "version": version("backsight"),
         "seed": None,
     }
+
+
+def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
+    """The parameters that a result.json says were estimated, of the same model; `folder` holds it.
+
+    Those that were fixed stay what the study makes them. Raises InputError where there are no such results.
+    """
+    path = folder / "result.json"
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+        model = result["model"]
+        found = {str(name): float(p["value"]) for name, p in result["parameters"].items() if not p["fixed"]}
+    except OSError as error:
+        raise InputError(f"--estimates {folder}: {path} cannot be read ({error.strerror or error}); name a folder of results") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(f"--estimates {folder}: {path} holds no results of smooth; smooth the study anew") from None
+    if model != dae.name:
+        raise InputError(f'--estimates {folder}: these are results of the model "{model}" and the study has "{dae.name}"; use one model')
+    known = [p.name for p in dae.parameters]
+    for name, value in found.items():
+        if name not in known:
+            raise InputError(f'--estimates {folder}: {dae.name} has no parameter "{name}"; {suggestion(name, known)}')
+        if not math.isfinite(value):
+            raise InputError(f'--estimates {folder}: "{name}" is {value}; smooth the study anew')
+    if not found:
+        raise InputError(f"--estimates {folder}: nothing was estimated there; smooth a study with a parameter that has a guess")
+    return found
 
 
 def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
@@ -71,8 +103,18 @@ def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
     }
 
 
-def _fit(fit: Mapping[str, Mapping[str, OutputFit]]) -> dict[str, Any]:
+def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[str, Any]:
     return {
-        recording: {name: {"rms": f.rms, "fit_percent": f.fit_percent, "whiteness_p": f.whiteness_p} for name, f in outputs.items()}
+        recording: {
+            name: {"rms": f.rms, "fit_percent": f.fit_percent, "whiteness_p": f.whiteness_p, "role": role} for name, f in outputs.items()
+        }
         for recording, outputs in fit.items()
     }
+
+
+def _predicted(prediction: Prediction) -> dict[str, Any]:
+    """The fit of what was held out: marked, and with the error over windows."""
+    (outputs,) = _fit({"": prediction.fit}, "held_out").values()
+    for name, rms in prediction.window_rms.items():
+        outputs[name] |= {"window_s": prediction.window_s, "window_rms": rms}
+    return dict(outputs)

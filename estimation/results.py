@@ -71,11 +71,27 @@ class ResidualSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Prediction:
+    """What the fitted model makes of a recording that it has not seen.
+
+    estimates: t_s, outputs with .measured and states, simulated over the whole recording under its inputs from the start that its first
+    `start_s` seconds tell. fit: of every measured output to that. window_rms: output -> rms error [unit] over windows of `window_s`
+    seconds, each simulated from the state that the samples before it tell; None where the recording is too short for windows.
+    """
+
+    estimates: pd.DataFrame
+    fit: dict[str, OutputFit]
+    start_s: float
+    window_s: float | None = None
+    window_rms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Smoothing:
     """States, residual forces and parameters that explain the recordings best.
 
     estimates: recording name -> one row per sample: t_s, outputs with .measured and .std, states with .std, residual.<place> with
-    .std (SI).
+    .std (SI); a std is inf where the recordings do not determine the value. held_out: recording name -> prediction.
     """
 
     model: str
@@ -88,6 +104,7 @@ class Smoothing:
     solver: SolverFacts
     residual_places: dict[str, ResidualSummary]
     notes: tuple[str, ...] = field(default=())
+    held_out: dict[str, Prediction] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         free = ", ".join(f"{p.name} = {p}" for p in self.parameters.values() if not p.fixed)

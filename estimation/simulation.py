@@ -40,10 +40,16 @@ class Simulation:
 
 
 def simulate_study(
-    study: Study, *, jobs: int = 1, scheduler: str | None = None, progress: Callable[[str], None] | None = None
+    study: Study,
+    estimated: Mapping[str, float] | None = None,
+    *,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Simulation:
     """Simulate every recording of a study from rest, or from its [initial] values; free parameters stand at their guess.
 
+    estimated   parameters that take the place of the study's, SI
     jobs        processes over which several recordings are spread
     scheduler   address of a Dask cluster to do it on instead
     progress    is told what is being done
@@ -53,7 +59,7 @@ def simulate_study(
     say = progress or (lambda _: None)
     began = time.perf_counter()
     say("reading the recordings")
-    values, initial, recordings = study.values(), study.initial(), study.recordings
+    values, initial, recordings = {**study.values(), **(estimated or {})}, study.initial(), study.recordings
     dae = study.dae
     built = time.perf_counter()
     say(f"simulating {len(recordings)} recording{'s' * (len(recordings) > 1)}")
@@ -62,7 +68,7 @@ def simulate_study(
             frames = [simulate_recording(dae, recording, values, initial) for recording in recordings]
     else:
         with workers(jobs, scheduler) as pool:
-            frames = [f.result() for f in [pool.submit(_simulate_nth, study.path, k) for k in range(len(recordings))]]
+            frames = [f.result() for f in [pool.submit(_simulate_nth, study.path, k, values) for k in range(len(recordings))]]
     units = {q.name: q.unit for q in (*dae.inputs, *dae.outputs, *dae.states)}
     return Simulation(
         model=dae.name,
@@ -84,7 +90,7 @@ def simulate_recording(dae: Dae, recording: Recording, parameters: Mapping[str, 
     return pd.DataFrame({"t_s": run.t} | dict(run.outputs) | dict(run.states))
 
 
-def _simulate_nth(study: Path, k: int) -> pd.DataFrame:
+def _simulate_nth(study: Path, k: int, values: Mapping[str, float]) -> pd.DataFrame:
     """The k-th recording of a study file, in a worker: equations do not travel between processes, files do."""
     own = Study.read(study)
-    return simulate_recording(own.dae, own.recordings[k], own.values(), own.initial())
+    return simulate_recording(own.dae, own.recordings[k], values, own.initial())

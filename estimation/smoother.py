@@ -1,64 +1,52 @@
 """Whole-horizon smoothing: states, residual forces and parameters of all recordings at once.
 
-recordings -> follow the samples -> mesh -> program -> weights left out (iterated) -> solution -> estimates
+recordings -> follow the samples -> mesh -> program -> weights left out (iterated) -> a better mesh where it matters -> estimates
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backsight.ocp import Options, ParameterPrior, Solution, Solver, Transcription, transcribe
-from backsight.ocp.follow import follow
-from backsight.ocp.nlp import Values
-from backsight.ocp.readout import read
-from backsight.ocp.scaling import scaled
+from backsight.ocp import Horizon, Solution, Status
+from backsight.ocp.follow import Followed, follow
 
 from .horizons import make_horizon, output_stds
-from .initial_guess import balance, start_decisions
+from .initial_guess import balance
+from .mesh_error import Checked, refine
 from .meshing import Meshed, longest_step, mesh
-from .outcome import outcome
-from .problem import Free, Problem
-from .rest import friction_laws, room, smoothing_widths
+from .outcome import Run, outcome
+from .prediction import predict
+from .problem import Problem
+from .program import Program, Settings, make_program
+from .rest import FrictionLaw, friction_laws, smoothing_widths
 from .results import Smoothing
 from .unseen import complete, unseen_states
-from .variances import choose_weights
+from .variances import LEAST_NOISE, Choice, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Stds = list[dict[str, float]]
+
+MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mesh is chosen anew
+FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """Numerics of a smoothing run; the defaults choose by themselves.
-
-    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for
-    collocation. step: mesh step [s]. options: of the solver.
-    """
-
-    method: Literal["auto", "spline", "collocation"] = "auto"
-    degree: int | None = None
-    step: float | None = None
-    options: Options = field(default_factory=Options)
-
-
-def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Callable[[str], None] | None = None) -> Smoothing:
-    """Smooth the fitted recordings of a problem.
+def smooth(problem: Problem, *, settings: Settings | None = None, progress: Callable[[str], None] | None = None) -> Smoothing:
+    """Smooth the fitted recordings of a problem, and predict those that are held out.
 
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
-    converge: `solver.converged` tells. Raises InputError for a problem that cannot be posed.
+    converge: `solver.converged` tells. settings: numerics (default: chosen). Raises InputError for a problem that cannot be posed.
     """
-    say = progress or (lambda _: None)
+    say, settings = progress or (lambda _: None), settings or Settings()
     began = time.perf_counter()
-    dae = problem.dae
-    stds, chosen_outputs = output_stds(problem)
+    stds, open_outputs = output_stds(problem)
     say("following the samples")
     followed = follow(
-        dae,
-        [make_horizon(dae, r, std, problem.initial, 2 * longest_step(r)) for r, std in zip(problem.fitted, stds, strict=True)],
+        problem.dae,
+        [make_horizon(problem.dae, r, std, problem.initial, 2 * longest_step(r)) for r, std in zip(problem.fitted, stds, strict=True)],
         problem.values,
     )
     parameters = problem.values
@@ -68,63 +56,123 @@ def smooth(problem: Problem, *, settings: Settings = Settings(), progress: Calla
         followed = complete(problem, followed, laws)
     for index, width in smoothing_widths(problem, laws, followed).items():
         parameters[index] = width
+    given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
+    work = _Work(
+        problem=problem, settings=settings, laws=laws, parameters=parameters, given=given, open_outputs=tuple(open_outputs), say=say
+    )
     start = balance(problem, followed, parameters)
-    given = {k: problem.weights.W[p.name] for k, p in enumerate(dae.places) if p.name in problem.weights.W}
     force_std = {**start.force_std, **given}
-    meshed = mesh(problem, followed, stds, force_std, start.parameters, settings.degree or 2, settings.step)
-    say(f"mesh of {sum(h.mesh.count for h in meshed.horizons)} intervals")
-    rigid = meshed.rigid and set(given) == set(start.force_std)
-    transcription = _transcribe(problem, meshed, {} if rigid else force_std, settings)
-    solver = Solver(transcription.nlp, settings.options)
-    first = start_decisions(transcription, followed, start.parameters)
-    values = _with_fine_input(transcription, first, start.parameters, transcription.nlp.values(parameters))
-    knots = [h.mesh.knots for h in transcription.horizons]
-    values = transcription.with_force_std(values, room(problem, laws, followed, knots, transcription.soft, start.parameters))
-    values = scaled(solver, first, values)
-    lower, upper = _bounds(problem, transcription)
+    meshed = work.meshed(followed, stds, force_std, start.parameters)
+    if meshed.rigid and set(given) == set(start.force_std):
+        force_std = {}
+    program = work.program(meshed.horizons, followed, force_std, start.parameters)
     build = time.perf_counter() - began
 
-    def solve(decisions: Array, values: Values, newton: bool) -> Solution:
-        solved = solver.solve(decisions, values, lower=lower, upper=upper, newton=newton, progress=say)
-        here = transcription.nlp.about(values, solved.decisions)
-        return Solution(transcription=transcription, solver=solver, values=here, solved=solved)
-
-    open_places = [k for k in transcription.soft if k not in given]
-    choice = choose_weights(solve, first, values, transcription, open_places, chosen_outputs, meshed.least_std, say)
-    return outcome(problem, choice, stds, build=build, seconds=time.perf_counter() - began - build)
-
-
-def _transcribe(problem: Problem, meshed: Meshed, force_std: dict[int, float], settings: Settings) -> Transcription:
-    free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
-    known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
-    prior = ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
-    # without residual forces every balance is a constraint, which is what collocation is for
-    method = settings.method if settings.method != "auto" else "spline" if force_std else "collocation"
-    degree = settings.degree or (2 if method == "spline" else 3)
-    return transcribe(problem.dae, meshed.horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=degree)
+    choice, remeshed = work.chosen(program, meshed.least_std, LEAST_NOISE * np.ones((len(stds), len(problem.dae.outputs)))), False
+    if settings.step is None and _moved(choice, force_std):
+        choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
+    checked = refine(choice.solution, lambda at, horizons: work.again(at, horizons, choice), keep=settings.step is not None, say=say)
+    if checked.solution is not choice.solution:
+        choice, stds = work.refined(choice, checked, stds, meshed.least_std)
+    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
+    result = outcome(problem, run, build=build, seconds=time.perf_counter() - began - build)
+    if len(problem.recordings) == len(problem.fitted) or not result.solver.converged:
+        return result
+    say("predicting what was held out")
+    held_out, notes = predict(problem, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
+    return replace(result, held_out=held_out, notes=(*result.notes, *notes))
 
 
-def _with_fine_input(transcription: Transcription, decisions: Array, parameters: Array, values: Values) -> Values:
-    """Targets less what the input's fine structure adds to the outputs between the knots: the polynomials need not follow it.
+@dataclass(frozen=True, kw_only=True)
+class _Work:
+    """What stays the same over all meshes of a run.
 
-    It is a small share of the noise (`meshing.py` sees to that), so the first trajectory and parameters are good enough to compute it.
+    parameters (np_all,): guesses, fixed values and widths; given: place -> std of W; open_outputs: per recording, whose noise nobody gave.
     """
-    parts = [read(transcription, k, decisions, parameters).moved_outputs for k in range(len(transcription.horizons))]
-    moved = np.hstack(parts)
-    targets = tuple(y - moved if t.name == "samples" else y for t, y in zip(transcription.nlp.terms, values.target, strict=True))
-    return replace(values, target=targets)
+
+    problem: Problem
+    settings: Settings
+    laws: tuple[FrictionLaw, ...]
+    parameters: Array
+    given: Mapping[int, float]
+    open_outputs: tuple[set[str], ...]
+    say: Callable[[str], None]
+
+    def meshed(self, followed: Followed, stds: Stds, force_std: dict[int, float], parameters: Array) -> Meshed:
+        """Meshes for these weights."""
+        found = mesh(self.problem, followed, stds, force_std, parameters, self.settings.degree or 2, self.settings.step)
+        self.say(f"mesh of {_intervals(found.horizons)} intervals")
+        return found
+
+    def program(self, horizons: Sequence[Horizon], followed: Followed, force_std: dict[int, float], start: Array) -> Program:
+        """The program on these meshes, started on these trajectories and parameters."""
+        return make_program(self.problem, self.settings, horizons, followed, self.laws, force_std, self.parameters, start)
+
+    def chosen(self, program: Program, least_std: Mapping[int, float], least_noise: Array) -> Choice:
+        """The program solved, with weights from the data where nobody gave them."""
+        return choose_weights(
+            lambda decisions, values, newton: program.solve(decisions, values, newton, self.say),
+            program.start,
+            program.values,
+            program.transcription,
+            [k for k in program.transcription.soft if k not in self.given],
+            self.open_outputs,
+            least_std,
+            least_noise,
+            self.say,
+        )
+
+    def on_a_new_mesh(self, choice: Choice, meshed: Meshed, stds: Stds) -> tuple[Choice, Stds, bool]:
+        """The whole once more on the mesh that the chosen weights ask for, if that is finer; else what there is.
+
+        A coarser one would do, but what is there already is no worse.
+        """
+        solution, now = choice.solution, self._in_force(stds, choice)
+        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+        anew = self.meshed(_followed(solution), now, force_std, solution.parameters)
+        if _intervals(anew.horizons) < FINER * _intervals(meshed.horizons):
+            return choice, stds, False
+        program = self.program(anew.horizons, _followed(solution), force_std, solution.parameters)
+        second = self.chosen(program, anew.least_std, LEAST_NOISE / choice.output_factor)
+        return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
+
+    def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
+        """What a finer mesh gave; weights from the data once more where the old mesh's error was in them."""
+        solution, now = checked.solution, self._in_force(stds, choice)
+        kept = replace(choice, solution=solution, output_factor=np.ones_like(choice.output_factor))
+        if not checked.mattered or not (set(solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
+            return kept, now
+        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+        program = self.program(solution.transcription.horizons, _followed(solution), force_std, solution.parameters)
+        second = self.chosen(program, least_std, LEAST_NOISE / choice.output_factor)
+        return (second, now) if second.solution.solved.status.converged else (kept, now)
+
+    def _in_force(self, stds: Stds, choice: Choice) -> Stds:
+        """The outputs' standard deviations with the factors that were chosen."""
+        factors = [dict(zip((q.name for q in self.problem.dae.outputs), row.tolist(), strict=True)) for row in choice.output_factor]
+        return [{name: std * f[name] for name, std in table.items()} for table, f in zip(stds, factors, strict=True)]
+
+    def again(self, solution: Solution, horizons: list[Horizon], choice: Choice) -> Solution:
+        """The same problem on other meshes at the same weights, started from a solution."""
+        if solution is choice.solution:
+            horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
+        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+        program = self.program(horizons, _followed(solution), force_std, solution.parameters)
+        return program.solve(program.start, program.values, True, self.say)
 
 
-def _bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Array]:
-    """Bounds of all decisions: parameters within their own and the physical ones, known initial states fixed."""
-    nlp, dae = transcription.nlp, problem.dae
-    lower, upper = np.full(nlp.size, -np.inf), np.full(nlp.size, np.inf)
-    for k, i in enumerate(problem.free):
-        free = problem.parameters[dae.parameters[i].name]
-        if isinstance(free, Free):
-            lower[nlp.trajectory_size + k] = max(free.min, dae.parameters[i].minimum)
-            upper[nlp.trajectory_size + k] = min(free.max, dae.parameters[i].maximum)
-    for start, horizon in zip(transcription.starts, transcription.horizons, strict=True):
-        known = horizon.initial_std == 0
-        lower[start[known]] = upper[start[known]] = horizon.initial[known]
-    return lower, upper
+def _followed(solution: Solution) -> Followed:
+    return Followed(transcription=solution.transcription, horizons=solution.transcription.horizons, decisions=solution.solved.decisions)
+
+
+def _intervals(horizons: Sequence[Horizon]) -> int:
+    return sum(h.mesh.count for h in horizons)
+
+
+def _moved(choice: Choice, force_std: Mapping[int, float]) -> bool:
+    """Whether a standard deviation ended further than MOVED from the one that the mesh was chosen for."""
+    if choice.solution.solved.status not in (Status.SOLVED, Status.ACCEPTABLE, Status.ITERATIONS):
+        return False
+    first = np.array([force_std[k] for k in choice.solution.transcription.soft])
+    factors = np.concatenate([choice.force_std / first, choice.output_factor.ravel()])
+    return bool(np.any(np.abs(np.log(factors)) > np.log(MOVED)))

@@ -25,9 +25,12 @@ def parameter_table(answer: Smoothing) -> Table:
     for name, estimate in answer.parameters.items():
         if not estimate.fixed:
             table.add_row(name, str(estimate))
-    for recording, outputs in answer.fit.items():
+    fits = [("fit", recording, outputs) for recording, outputs in answer.fit.items()]
+    fits += [("prediction", recording, prediction.fit) for recording, prediction in answer.held_out.items()]
+    for what, recording, outputs in fits:
         for output, fit in outputs.items():
-            table.add_row(f"fit of {output}, {recording}", f"rms {fit.rms:.3g} {answer.units.get(output, '')} ({_share(fit.fit_percent)})")
+            size = f"rms {fit.rms:.3g} {answer.units.get(output, '')} ({_share(fit.fit_percent)})"
+            table.add_row(f"{what} of {output}, {recording}", size)
     return table
 
 

@@ -11,7 +11,7 @@ log s, a few solves warm-started from each other. A simple rule for a start: it 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,18 +20,23 @@ from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 ROUNDS = 12
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
 LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a fit that swallows the noise
 LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
 BOLDEST = 4.0  # times the fixed point's own step, at most
+STALLED = 1e-6  # relative change of the cost over a whole round: what is left is rounding
 FARTHEST = 30.0  # largest factor of one round
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """The solution at the weights in force; force_std (n_soft,), and factors on the outputs' given or first standard deviations (ny,)."""
+    """The solution at the weights in force.
+
+    force_std (n_soft,). output_factor (H, ny): on every recording's given or first standard deviations; those given stay as they are.
+    """
 
     solution: Solution
     force_std: Array
@@ -47,41 +52,47 @@ def choose_weights(
     values: Values,
     transcription: Transcription,
     places: Collection[int],
-    outputs: Collection[str],
+    outputs: Sequence[Collection[str]],
     least_std: Mapping[int, float],
+    least_noise: Array,
     say: Callable[[str], None],
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
-    solve(decisions, values, to the full tolerance) -> Solution. least_std: place -> standard deviation below which nobody can tell: the
-    iteration goes no lower.
+    solve(decisions, values, to the full tolerance) -> Solution. outputs: of every horizon those whose noise nobody gave; what nobody
+    gave of one output is one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower;
+    least_noise (H, ny): the same for the factors on the outputs' first standard deviations.
     """
     dae = transcription.dae
+    is_open = np.array([[q.name in names for q in dae.outputs] for names in outputs]).reshape(len(outputs), len(dae.outputs))
+    force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
     open_forces = [i for i, k in enumerate(transcription.soft) if k in places]
-    open_outputs = [i for i, q in enumerate(dae.outputs) if q.name in outputs]
-    force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(len(dae.outputs))
     lowest = [least_std.get(k, 0.0) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
-    iterations, rounds, settled = 0, 0, True
-    if open_forces or open_outputs:
-        settled = False
-        families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
-        families += [Family("samples", i, float(np.log(LEAST_NOISE))) for i in open_outputs]
-        for rounds in range(1, ROUNDS + 1):
-            solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
-            start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
-            if solution.solved.status is Status.ITERATIONS:
-                continue  # on its way: the next round goes on from here
-            if not solution.solved.status.converged:
-                break
-            if not solution.determined:
-                break  # without covariances nobody knows how much of a residual the fit could choose
-            change = max(family.step(solution) for family in families)
-            for family in families:
-                (output_factor if family.term == "samples" else force_factor)[family.row] = np.exp(family.log)
-            say(f"weights from the data, round {rounds}: change {100 * np.expm1(change):.0f} %")
-            if change < CLOSE:
-                settled = True
-                break
+    families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
+    for i in np.flatnonzero(is_open.any(axis=0)).tolist():
+        least = float(np.log(least_noise[is_open[:, i], i].max()))
+        families.append(Family("samples", i, least, _samples_of(transcription, is_open[:, i])))
+    iterations, rounds, settled, cost = 0, 0, not families, np.inf
+    for rounds in range(1, ROUNDS + 1) if families else ():
+        solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
+        start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
+        before, cost = cost, solution.solved.cost
+        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED * cost:
+            continue  # on its way: the next round goes on from here
+        if not (solution.solved.status.converged or solution.solved.status is Status.ITERATIONS):
+            break
+        if solution.curvature is None:
+            break  # without covariances nobody knows how much of a residual the fit could choose
+        change = max(family.step(solution) for family in families)
+        for family in families:
+            if family.term == "samples":
+                output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
+            else:
+                force_factor[family.row] = np.exp(family.log)
+        say(f"weights from the data, round {rounds}: change {100 * np.expm1(change):.0f} %")
+        if change < CLOSE:
+            settled = True
+            break
     solution = solve(start, _weighted(values, transcription, force_factor, output_factor), True)
     return Choice(
         solution=solution,
@@ -94,15 +105,18 @@ def choose_weights(
 
 
 class Family:
-    """The standard deviation of one family of rows, as log of its factor on the first one, sought by secant steps."""
+    """The standard deviation of one family of rows, as log of its factor on the first one, sought by secant steps.
 
-    def __init__(self, term: str, row: int, lowest: float) -> None:
-        self.term, self.row, self.lowest, self.log = term, row, lowest, 0.0
+    columns: of the term that belong to it; None is all.
+    """
+
+    def __init__(self, term: str, row: int, lowest: float, columns: Mask | None = None) -> None:
+        self.term, self.row, self.lowest, self.columns, self.log = term, row, lowest, columns, 0.0
         self._last: tuple[float, float] | None = None
 
     def step(self, solution: Solution) -> float:
         """Move towards ratio = 1; returns the size of the move."""
-        wanted = float(np.log(_ratio(solution, self.term, self.row)))
+        wanted = float(np.log(_ratio(solution, self.term, self.row, self.columns)))
         move = wanted
         if self._last is not None and self.log != self._last[0]:
             slope = (wanted - self._last[1]) / (self.log - self._last[0])
@@ -114,25 +128,25 @@ class Family:
         return abs(self.log - before)
 
 
-def _force_term(transcription: Transcription) -> str:
-    return "balances" if transcription.method == "spline" else "residual forces"
+def _samples_of(transcription: Transcription, horizons: Mask) -> Mask:
+    """Which columns of the samples belong to these of the horizons, (all samples,)."""
+    return np.repeat(horizons, [len(h.time) for h in transcription.horizons])
 
 
 def _weighted(values: Values, transcription: Transcription, force_factor: Array, output_factor: Array) -> Values:
     """The program's numbers with these factors on the first standard deviations."""
     values = transcription.with_force_std(values, force_factor[:, None])
-    scale = tuple(
-        s / output_factor[:, None] if t.name == "samples" else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True)
-    )
+    factor = np.repeat(output_factor, [len(h.time) for h in transcription.horizons], axis=0).T
+    scale = tuple(s / factor if t.name == "samples" else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True))
     return replace(values, scale=scale)
 
 
-def _ratio(solution: Solution, term: str, i: int) -> float:
+def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> float:
     """Factor by which the standard deviation of family i of a term should change."""
     number = solution.term(term)
     families = len(solution.transcription.dae.outputs) if term == "samples" else len(solution.transcription.soft)
     scale = solution.values.scale[number][i::families]
-    there = scale > 0
+    there = scale > 0 if columns is None else (scale > 0) & columns
     squares = float(np.sum(solution.rows[number][i::families][there] ** 2))
     freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
     freedom = max(freedom, LEAST_FREEDOM * np.count_nonzero(there))

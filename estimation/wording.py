@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 def quoted(names: Iterable[str], *, last: str = "and") -> str:
@@ -14,3 +14,8 @@ def quoted(names: Iterable[str], *, last: str = "and") -> str:
 def number(value: float) -> str:
     """Nine digits at most, without trailing zeros."""
     return f"{value:.9g}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)

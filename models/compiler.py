@@ -16,6 +16,7 @@ from .index_reduction import Semi, reduce_index
 from .linear_blocks import solve_linear_blocks
 from .model import Model
 from .singularity import refuse_singular
+from .start_values import carried_over
 from .state_selection import select_states
 from .structure import fault, incidence
 
@@ -31,7 +32,6 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
     """
     if not model.components:
         raise ModelError(f"model '{model.name}' has no components; add some")
-    places = tuple(dict.fromkeys([*model.residuals, *places]))
     flat = flatten(model)
     available = {
         e.slot[0]: Place(
@@ -40,7 +40,7 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
         for e in flat.equations
         if e.slot
     }
-    asked = [*places, *model.residuals]
+    asked = tuple(dict.fromkeys([*places, *model.residuals]))
     for name in asked:
         if name not in available:
             raise ModelError(f"model '{model.name}' has no place '{name}' for a residual; {suggestion(name, available)}")
@@ -60,6 +60,7 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
     for name in asked:
         if name in reduced.merged:
             raise refuse_dropped(name, reduced.merged)
+    flat = carried_over(model, flat, reduced.definitions, {s.name() for s in (*system.x, *system.z)})
     return _assemble(model, flat, reduced, system, slots, available)
 
 

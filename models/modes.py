@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 _SMALLEST = 1e-15  # step over interval
 _EDGE = 1e-9  # by which lambda may leave its bounds: the solution of linear equations
 _LOCATE = 6  # steps to land on a crossing
+_LEAST = 1e-3
 _NEAR = 1e-9  # of a switching function's size: what a step that stops before it may be short of
 
 
@@ -127,6 +128,7 @@ class Integrator:
     def start(self, x: Array, z: Array, u: Array, t: float) -> Point:
         """The point at the first sample, with the modes that fit it. Raises SolveError where there is none."""
         self.seen = np.abs(x)
+        self.size = self._sizes(x, z, u, t)
         for _ in range(len(self.switches) + 1):  # before anything is solved: a law may be no number on the wrong side
             self.m = np.where(self._compiled()[2](0.0, x, z, u, t, self.m).full()[:, 0] < 0.0, -self.m, self.m)
         point = self._point(x, z, u, t)
@@ -138,6 +140,17 @@ class Integrator:
             point = self._point(x, z, u, t)
         resting = [k for k, s in enumerate(self.switches) if s.kind == "hold" and abs(point.positive[k]) <= 1e-300]
         return self._settled(point, u, t, resting, quiet=True)
+
+    def _sizes(self, x: Array, z: Array, u: Array, t: float) -> Array:
+        """A least size of every switching function, below which it may be rounding error: what 1e-3 of the nominal sizes would change."""
+        dae = self.dae
+        if not self.switches:
+            return self.size
+        symbols = ca.vertcat(*(part.symbol for switch in self.switches for part in switch.parts))
+        slopes = ca.jacobian(ca.vertcat(*(switch.function for switch in self.switches)), ca.vertcat(dae.x, dae.z))
+        at = ca.Function("slopes", [dae.dx, dae.x, dae.z, dae.u, dae.t, symbols], [ca.densify(slopes)])
+        nominal = np.array([q.nominal for q in (*dae.states, *dae.algebraics)])
+        return np.asarray(np.nan_to_num(np.abs(at(0.0, x, z, u, t, 1.0).full()) @ nominal, posinf=0.0) * _LEAST, dtype=np.float64)
 
     def sample(self, point: Point, u: Array, t: float) -> Point:
         """The point with the input of a sample acting."""

@@ -11,6 +11,10 @@ knot of every horizon, the multipliers of what must hold there, and the paramete
 With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
 
     C_bb = S^-1,    C_cc = H_cc^-1 + X C_bb X',    C_cb = -X C_bb
+
+What the data leave open makes S singular. With S = D (Q diag(e) Q' + N diag(~0) N') D, in units D of the rounding of S, the columns of
+D^-1 N are the null directions, and C_bb = D^-1 Q diag(1/e) Q' D^-1 is the covariance of all else: every generalised inverse gives the
+same variance to a quantity that no null direction moves (Rao & Mitra, Generalized Inverse of Matrices and its Applications, section 2.2).
 """
 
 from __future__ import annotations
@@ -27,7 +31,10 @@ from .polynomials import Array
 
 Index = NDArray[np.int64]
 
-ROUNDING = 1e-13  # share of an unknown's own information that must be left when all others are free
+# Rounding of S in units of the sizes that it is summed from: eps, times what an elimination may let grow. Known null directions come out
+# between 1e-17 and 2e-13 (short intervals beside long ones, four thousand intervals), the least of what is determined, at weights that are
+# rigid, near 1e-10.
+ROUNDING = 2.0**12 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,13 +42,33 @@ class Curvature:
     """Covariances in the units of the model.
 
     parameter_covariance (np, np). interval_covariance (N, local + np, local + np): of every interval's local unknowns and the
-    parameters. log_determinant of the KKT matrix in the program's units. definite: whether the solution is a strict minimum.
+    parameters, both given the null directions. log_determinant of the KKT matrix in the program's units, without them.
+    null (r, H nx + np): the null directions, as the first states of every horizon and the parameters move along each.
+    interval_null (N, local + np, r): the same at every interval's local unknowns, as long as rounding could hide.
+    definite: whether the solution is a minimum, strict but for the null directions.
     """
 
     parameter_covariance: Array
     interval_covariance: Array
     log_determinant: float
+    null: Array
+    interval_null: Array
     definite: bool
+
+    @property
+    def parameter_variance(self) -> Array:
+        """(np,); inf where a null direction moves the parameter."""
+        first = self.interval_null.shape[1] - len(self.parameter_covariance)
+        return determined_variance(np.diag(self.parameter_covariance), self.interval_null[0, first:])
+
+
+def determined_variance(variance: Array, null: Array) -> Array:
+    """Variances (...), inf where a quantity moves along a null direction; null (..., r): how far, for the lengths of `interval_null`.
+
+    A null direction is known no better than rounding, so its information is at most that of rounding, 1/|null|^2. Where that much would
+    leave more variance than all that is determined, the quantity is not.
+    """
+    return np.where(np.sum(null**2, axis=-1) > variance, np.inf, variance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +116,7 @@ def arrange(nlp: Nlp) -> Places:
 def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: Array, known: Index) -> Curvature:
     """Covariances from the (upper triangle of the) Hessian and the Jacobian in units `unit`; `known` decisions are fixed.
 
-    Raises numpy.linalg.LinAlgError when the unknowns are not determined at all.
+    Raises numpy.linalg.LinAlgError when the first states and the parameters together do not determine the rest.
     """
     at, n = arrange(nlp), nlp.trajectory_size
     upper, J = hessian.tocoo(), jacobian.tocoo()
@@ -110,27 +137,46 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     tree = factor(diagonal, lower)
     X = tree.solve(border)
     S = corner - np.einsum("kbi,kbj->ij", border, X)
-    eigenvalues = np.linalg.eigvalsh(S)
-    own = np.sqrt(np.abs(np.diag(corner)))
-    left = np.abs(np.linalg.eigvalsh(S / np.outer(own, own))) if np.all(own > 0) else np.ones(1)
-    if left.size and left.min() < ROUNDING:
-        raise np.linalg.LinAlgError("what the data say of a border unknown is no more than rounding")
+    D = _units(S, np.abs(np.diag(corner)) + np.einsum("kbi,kbi->i", np.abs(border), np.abs(X)))
+    e, Q = np.linalg.eigh(S / np.outer(D, D))
+    lost = np.abs(e) < ROUNDING
+    N, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
     # The blocks are determined by the border whatever the data; their own inertia is that of a sum of squares, and counting the
-    # signs of their pivots would only count rounding. What the data must determine is the border.
-    held = at.border - nlp.interpolation.states * len(at.starts) - len(nlp.free)
-    definite = int(np.sum(eigenvalues < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
-    C = np.linalg.inv(S)
-    C = (C + C.T) / 2
+    # signs of their pivots would only count rounding. What the data must determine is the border: its inertia is that of a minimum when
+    # every multiplier there brings one negative eigenvalue, but those of redundant constraints, which are null directions themselves.
+    edge = nlp.interpolation.states * len(at.starts)
+    multipliers = slice(edge, at.border - len(nlp.free))
+    held = multipliers.stop - edge - round(float(np.sum(N[multipliers] ** 2)))
+    definite = int(np.sum(e < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
+    C = (Q / e) @ Q.T / np.outer(D, D)
     C[gone], C[:, gone] = 0.0, 0.0
+    N[multipliers] = 0.0
+    left, size, _ = np.linalg.svd(N, full_matrices=False)
+    N = left[:, size > 0.5] / D[:, None]
     theta = unit[n:]
     scale = np.concatenate([nlp.local(unit[:n]), np.repeat(theta[:, None], at.count, axis=1)]).T
-    local = _local_covariances(nlp, at, tree, X, C, idle)
+    rows = _rows(nlp, at, X, idle)
+    first = np.concatenate([nlp.local(unit[:n])[: nlp.interpolation.states, at.starts].T.ravel(), theta])
     return Curvature(
         parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
-        interval_covariance=local * scale[:, :, None] * scale[:, None, :],
-        log_determinant=tree.log_abs_determinant + float(np.sum(np.log(np.abs(eigenvalues)))),
+        interval_covariance=_local_covariances(nlp, at, tree, rows, C, idle) * scale[:, :, None] * scale[:, None, :],
+        log_determinant=tree.log_abs_determinant + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D))),
+        null=np.concatenate([N[:edge], N[at.border - len(theta) :]]).T * first,
+        interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(ROUNDING),
         definite=definite,
     )
+
+
+def _units(S: Array, summed: Array) -> Array:
+    """Units in which the rounding of every entry of S is that of one: the root of the sizes that its diagonal is summed from, (nb,).
+
+    S_ij is a difference of sums of products a_i b_j whose squares add up to no more than `summed`, so by Cauchy and Schwarz its rounding
+    is some eps * sqrt(summed_i summed_j). A multiplier of the border alone sums nothing; its unit makes its row of S one.
+    """
+    D = np.sqrt(summed)
+    seen = D > 0
+    reach = np.max(np.abs(S[:, seen]) / D[seen], axis=1, initial=0.0)
+    return np.where(seen, D, np.where(reach > 0, reach, 1.0))
 
 
 def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
@@ -154,20 +200,29 @@ def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Arra
     return diagonal, lower, border, corner
 
 
-def _local_covariances(nlp: Nlp, at: Places, tree: BlockTridiagonal, X: Array, C: Array, idle: NDArray[np.bool_]) -> Array:
-    """Covariance of [l_i; p] of every interval, (N, local + np, local + np): l_i = [block before or border; own block]."""
+def _rows(nlp: Nlp, at: Places, X: Array, idle: NDArray[np.bool_]) -> Array:
+    """X and the border itself, with the sign of X, at every interval's [l_i; p], (N, local + np, nb): l_i = [block before; own block]."""
     ip, free = nlp.interpolation, len(nlp.free)
     nx, local, own = ip.states, ip.local, ip.interior + ip.states
     knot = slice(own - nx, own)
-    S, between = tree.inverse_blocks()
-    S[idle] = 0.0
-    np.swapaxes(S, 1, 2)[idle] = 0.0
     later = np.setdiff1d(np.arange(at.count), at.starts)
     rows = np.zeros((at.count, local + free, at.border))
     rows[later, :nx] = np.where(idle[later - 1, knot, None], 0.0, X[later - 1, knot])
     rows[at.starts[:, None], np.arange(nx), at.place[nlp.index[:nx, at.starts].T]] = -1.0
     rows[:, nx:local] = np.where(idle[:, :own, None], 0.0, X[:, :own])
     rows[:, local + np.arange(free), at.border - free + np.arange(free)] = -1.0
+    return rows
+
+
+def _local_covariances(nlp: Nlp, at: Places, tree: BlockTridiagonal, rows: Array, C: Array, idle: NDArray[np.bool_]) -> Array:
+    """Covariance of [l_i; p] of every interval, (N, local + np, local + np)."""
+    ip = nlp.interpolation
+    nx, local, own = ip.states, ip.local, ip.interior + ip.states
+    knot = slice(own - nx, own)
+    S, between = tree.inverse_blocks()
+    S[idle] = 0.0
+    np.swapaxes(S, 1, 2)[idle] = 0.0
+    later = np.setdiff1d(np.arange(at.count), at.starts)
     out = rows @ C @ np.swapaxes(rows, 1, 2)
     out[later, :nx, :nx] += S[later - 1, knot, knot]
     out[:, nx:local, nx:local] += S[:, :own, :own]

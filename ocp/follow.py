@@ -35,15 +35,16 @@ RELINEARISATIONS = 4  # for outputs that are not linear in the states
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """Splines through the samples.
+    """Trajectories that follow the samples: splines through them, or the solution of a program.
 
-    transcription: of the thinned samples; horizons: the full ones; decisions (n,); mean_square: of the scaled differences left.
+    transcription: whose unknowns they are (of the thinned samples, say); horizons: the full ones; decisions (n,) or more; mean_square:
+    of the scaled differences left by splines.
     """
 
     transcription: Transcription
     horizons: tuple[Horizon, ...]
     decisions: Array
-    mean_square: float
+    mean_square: float = 0.0
 
     def at(self, number: int, times: Array) -> tuple[Array, Array, Array]:
         """x' and x (nx, M) and z (nz, M) of horizon `number` at any times."""
@@ -52,7 +53,7 @@ class Followed:
         interval, tau = mesh.locate(times)
         local = t.nlp.local(self.decisions)[:, interval + t.offsets[number]]
         v = ip.apply(ip.values(tau, mesh.steps[interval]), local)
-        return v[: ip.states], v[ip.states : 2 * ip.states], v[2 * ip.states :]
+        return v[: ip.states], v[ip.states : 2 * ip.states], v[2 * ip.states : 2 * ip.states + ip.algebraics]
 
 
 def follow(dae: Dae, horizons: Sequence[Horizon], parameters: Array, *, degree: int = 2) -> Followed:

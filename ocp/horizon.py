@@ -57,6 +57,20 @@ class Horizon:
         moments = self._input_moments(points, degree)
         return (moments @ legendre(degree, tau)).reshape(moments.shape[0], self.mesh.count * len(tau))
 
+    def unresolved_input(self, degree: int) -> Array:
+        """The held input less its projection on every interval, at the samples; (nu, n)."""
+        interval, tau = self.mesh.locate(self.time)
+        moments = self._input_moments(quadrature(self.mesh, self.time, gauss(degree)), degree)
+        return np.asarray(self.input_at(self.time) - np.einsum("ink,kn->in", moments[:, interval], legendre(degree, tau)))
+
+    def unresolved_step(self, degree: int) -> Array:
+        """Largest of these values in every interval; (nu, N)."""
+        size, owner = np.abs(self.unresolved_input(degree)), self.mesh.locate(self.time)[0]
+        out = np.zeros((len(size), self.mesh.count))
+        for row, values in zip(out, size, strict=True):
+            np.maximum.at(row, owner, values)
+        return out
+
     def unresolved_impulse(self, degree: int) -> Array:
         """Largest time integral, within every interval, of what the held input differs from its projection; (nu, N) [unit * s].
 

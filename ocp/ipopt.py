@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -146,16 +145,15 @@ class Solver:
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, decisions)
             solver = self._newton if gamma else self._gauss_newton
-            with _quiet():
-                answer = solver(
-                    x0=np.zeros(self.nlp.size),
-                    p=replace(here, gamma=gamma).packed(),
-                    lbx=here.scaled(lower),
-                    ubx=here.scaled(upper),
-                    lbg=0.0,
-                    ubg=0.0,
-                    lam_g0=multipliers,
-                )
+            answer = solver(
+                x0=np.zeros(self.nlp.size),
+                p=replace(here, gamma=gamma).packed(),
+                lbx=here.scaled(lower),
+                ubx=here.scaled(upper),
+                lbg=0.0,
+                ubg=0.0,
+                lam_g0=multipliers,
+            )
             stats = solver.stats()
             iterations += int(stats["iter_count"])
             status = _STATUS.get(stats["return_status"], Status.NUMERICS)
@@ -215,13 +213,3 @@ def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tupl
 def _sparse(matrix: Any) -> sp.csc_matrix:
     pattern = matrix.sparsity()
     return sp.csc_matrix((np.array(matrix.nonzeros()), np.array(pattern.row()), np.array(pattern.colind())), shape=matrix.shape)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """CasADi reports evaluations that are not finite through Python warnings; the status says it better."""
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield

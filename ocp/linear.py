@@ -11,25 +11,30 @@ from numpy.typing import NDArray
 
 from backsight.models import Dae
 
+from .horizon import Horizon
 from .mesh import Mesh
-from .polynomials import Array
+from .polynomials import Array, legendre
 
 
 @dataclass(frozen=True, kw_only=True)
 class Linear:
-    """x' = A x + B u + G w, y = C x + ... at M places; w are the soft places' residual forces.
+    """x' = A x + B u + G w,  y = C x + E u + D w at M places; w are the soft places' residual forces.
 
-    A (M, nx, nx), B (M, nx, nu), G (M, nx, n_soft), C (M, ny, nx). Zero where the model does not determine x'.
+    A (M, nx, nx), B (M, nx, nu), G (M, nx, n_soft), C (M, ny, nx). D (M, ny, n_soft) and E (M, ny, nu) are what inputs and forces do to
+    the outputs at once, through x' and z: an accelerometer reads the force that acts. (Where an output names an input itself, its
+    value is known, and E leaves it out.) Zero where the model does not determine x'.
     """
 
     A: Array
     B: Array
     G: Array
     C: Array
+    D: Array
+    E: Array
 
     def taken(self, places: NDArray[np.int64]) -> Linear:
         """The same at some of the places, repeated at will."""
-        return Linear(A=self.A[places], B=self.B[places], G=self.G[places], C=self.C[places])
+        return Linear(**{name: getattr(self, name)[places] for name in "ABGCDE"})
 
 
 def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, parameters: Array, soft: Sequence[int]) -> Linear:
@@ -37,20 +42,21 @@ def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, param
     unknown = ca.vertcat(dae.dx, dae.z)
     parts = [ca.jacobian(dae.residual, unknown), ca.jacobian(dae.residual, dae.x), ca.jacobian(dae.residual, dae.u)]
     parts += [ca.jacobian(dae.residual, dae.w)[:, list(soft)], ca.jacobian(dae.output, dae.x), ca.jacobian(dae.output, unknown)]
+    parts += [ca.jacobian(dae.output, dae.w)[:, list(soft)]]
     nothing = ca.SX.zeros(dae.w.shape[0])
     function = ca.Function(
         "linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(ca.substitute(e, dae.w, nothing)) for e in parts]
     )
     count, nx, nu = x.shape[1], dae.x.shape[0], dae.u.shape[0]
     values = function.map(count)(dx, x, z, u, np.repeat(parameters[:, None], count, axis=1), t[None, :])
-    E, F_x, F_u, F_w, H_x, H_e = (_stacked(np.asarray(v), e.shape[0], e.shape[1], count) for v, e in zip(values, parts, strict=True))
+    F_e, F_x, F_u, F_w, H_x, H_e, H_w = (_stacked(np.asarray(v), e.shape[0], e.shape[1], count) for v, e in zip(values, parts, strict=True))
     right = np.concatenate([F_x, F_u, F_w], axis=2)
     slopes = np.zeros_like(right)
-    usable = np.flatnonzero(np.abs(np.linalg.det(E)) > 0)
-    slopes[usable] = -np.linalg.solve(E[usable], right[usable])
+    usable = np.flatnonzero(np.abs(np.linalg.det(F_e)) > 0)
+    slopes[usable] = -np.linalg.solve(F_e[usable], right[usable])
     slopes[~np.isfinite(slopes)] = 0.0
     A, B, G = np.split(slopes, [nx, nx + nu], axis=2)
-    return Linear(A=A[:, :nx], B=B[:, :nx], G=G[:, :nx], C=H_x + H_e @ A)
+    return Linear(A=A[:, :nx], B=B[:, :nx], G=G[:, :nx], C=H_x + H_e @ A, D=H_w + H_e @ G, E=H_e @ B)
 
 
 def fastest_rate(linear: Linear, force_std: Array, sample_density: Array) -> float:
@@ -59,29 +65,44 @@ def fastest_rate(linear: Linear, force_std: Array, sample_density: Array) -> flo
     With residual forces of spectral density Q = force_std^2 (n_soft,) and samples of density R = sample_density = r^2 dt (ny,), inf for an
     output without samples, the smoother has the modes of
 
-        | A            G Q G' |
-        | C' R^-1 C    -A'    |
+        | A - G S C           G (Q - S D Q) G'   |         S = Q D' (R + D Q D')^-1,
+        | C' (R + D Q D')^-1 C    -(A - G S C)'  |
 
-    half of them stable and half of them not (Bryson & Ho, Applied Optimal Control, section 13.3); with Q = 0 they are the plant's own.
+    half of them stable and half of them not (Bryson & Ho, Applied Optimal Control, section 13.3, D = 0; else the force is first estimated
+    from the reading that it enters); with Q = 0 they are the plant's own.
     """
-    Q, R = np.diag(force_std**2), np.diag(1.0 / sample_density)
-    nx = linear.A.shape[1]
-    noise = linear.G @ Q @ _t(linear.G)
-    information = _t(linear.C) @ R @ linear.C
+    R = np.diag(1.0 / sample_density)
+    A, G, C, D, nx = linear.A, linear.G, linear.C, linear.D, linear.A.shape[1]
+    # in a form for R = inf and Q = 0:  (R + D Q D')^-1 = R^-1 - R^-1 D P D' R^-1,  Q - S D Q = P = F (1 + F D' R^-1 D F)^-1 F,  F^2 = Q
+    F = np.diag(np.abs(force_std))
+    P = F @ np.linalg.inv(np.eye(len(force_std)) + F @ _t(D) @ R @ D @ F) @ F
+    inverse, A = R - R @ D @ P @ _t(D) @ R, A - G @ P @ _t(D) @ R @ C
+    noise = G @ P @ _t(G)
+    information = _t(C) @ inverse @ C
     # the same modes with both halves of comparable size: noise densities span many decades
     upper, lower = np.abs(noise).max(axis=(1, 2), initial=0.0), np.abs(information).max(axis=(1, 2), initial=0.0)
     balance = np.sqrt(np.where((upper > 0) & (lower > 0), lower / np.where(upper > 0, upper, 1.0), 1.0))[:, None, None]
-    hamiltonian = np.zeros((len(linear.A), 2 * nx, 2 * nx))
-    hamiltonian[:, :nx, :nx], hamiltonian[:, nx:, nx:] = linear.A, -_t(linear.A)
+    hamiltonian = np.zeros((len(A), 2 * nx, 2 * nx))
+    hamiltonian[:, :nx, :nx], hamiltonian[:, nx:, nx:] = A, -_t(A)
     hamiltonian[:, :nx, nx:], hamiltonian[:, nx:, :nx] = noise * balance, information / balance
     return float(np.median(np.abs(np.linalg.eigvals(hamiltonian)).max(axis=1))) if len(hamiltonian) else 0.0
+
+
+def direct_share(linear: Linear, force_std: Array, sample_density: Array) -> float:
+    """Largest share, over the outputs, of D Q D' in their sample density R: how much of the noise of a reading is the force itself.
+
+    Such a force is estimated from sample to sample, however slow the plant. Median over the places.
+    """
+    entering = np.median(np.sum((linear.D * force_std) ** 2, axis=2), axis=0)
+    return float(np.max(entering / sample_density, initial=0.0))
 
 
 def driven_outputs(linear: Linear, duration: float) -> Array:
     """Standard deviation of the outputs after `duration` [s] when one residual force of std one drives the plant from rest, (ny, n_soft).
 
     x' = A x + G w: P(T) = int_0^T e^(A s) G G' e^(A' s) ds, by Van Loan's exponential over a short span and doublings
-    P(2 T) = P(T) + e^(A T) P(T) e^(A' T). Median over the places.
+    P(2 T) = P(T) + e^(A T) P(T) e^(A' T). What enters an output at once, D w, counts with its mean over the duration, of variance D D'/T.
+    Median over the places.
     """
     A, nx = linear.A, linear.A.shape[1]
     # an unstable place would overflow; what it does in ten of its time constants is enough to know
@@ -98,19 +119,21 @@ def driven_outputs(linear: Linear, duration: float) -> Array:
         P = step @ block[:, :nx, nx:]
         for _ in range(doublings):
             P, step = P + step @ P @ _t(step), step @ step
-        variance = np.einsum("mij,mjk,mik->mi", linear.C, P, linear.C)
+        variance = np.einsum("mij,mjk,mik->mi", linear.C, P, linear.C) + linear.D[:, :, k] ** 2 / duration
         out.append(np.median(np.sqrt(np.maximum(variance, 0.0)), axis=0))
     return np.array(out).reshape(linear.G.shape[2], linear.C.shape[1]).T
 
 
-def left_out_of_outputs(linear: Linear, impulse: Array, steps: Array) -> Array:
-    """How far outputs move between the knots by an input's unresolved impulse, (ny, N).
+def left_out_of_outputs(linear: Linear, step: Array, impulse: Array, steps: Array) -> Array:
+    """How far outputs move between the knots by what the mesh leaves out of an input, (ny, N).
 
-    impulse (nu, N) moves x by B * impulse at once, and what integrates x by A B * impulse * h/4.
+    Its largest value, step (nu, N), enters an output at once by E * step; its largest impulse (nu, N) moves x by B * impulse, and what
+    integrates x by A B * impulse * h/4.
     """
     direct = np.median(np.abs(linear.C @ linear.B), axis=0)
     integrated = np.median(np.abs(linear.C @ linear.A @ linear.B), axis=0)
-    return np.asarray(direct @ impulse + integrated @ impulse * steps / 4, dtype=np.float64)
+    at_once = np.median(np.abs(linear.E), axis=0)
+    return np.asarray(at_once @ step + direct @ impulse + integrated @ impulse * steps / 4, dtype=np.float64)
 
 
 def driven_between_knots(linear: Linear, first: Array, second: Array) -> Array:
@@ -131,6 +154,17 @@ def bridge_variance(mesh: Mesh, degree: int, interval: Array, tau: Array) -> Arr
     """
     resolved = sum((np.sqrt(2.0 * j + 1.0) * _legendre_integral(j, tau)) ** 2 for j in range(1, degree))
     return np.asarray(np.maximum(tau * (1 - tau) - resolved, 0.0) * mesh.steps[interval], dtype=np.float64)
+
+
+def unresolved_density(horizon: Horizon, degree: int) -> Array:
+    """Variance per density of a white force, as a sensor reads it at the samples, beyond the `degree` moments of its interval, (n,) [1/s].
+
+    A sensor that a force enters at once averages it over a sampling interval dt: that leaves 1/dt, of which the mesh has
+    sum_j L_j(tau)^2 / h.
+    """
+    interval, tau = horizon.mesh.locate(horizon.time)
+    resolved = np.sum(legendre(degree, tau) ** 2, axis=0) / horizon.mesh.steps[interval]
+    return np.asarray(np.maximum(1.0 / np.median(np.diff(horizon.time)) - resolved, 0.0), dtype=np.float64)
 
 
 def _exponential(matrices: Array) -> Array:

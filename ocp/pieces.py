@@ -49,20 +49,40 @@ class Pieces:
         """The parameters at which a solve starts: the program's own, before the free ones are put in."""
         return ca.SX.sym("p_ref", self.dae.p.shape[0])
 
-    def function(self, name: str, expression: Any) -> Any:
-        """`expression` of the model as a function (v = [dx; x; z; w_soft], p, p_ref, d = [u; t]); other residual forces are zero."""
+    def outputs_at_samples(self) -> tuple[Any, Any]:
+        """The outputs, and the symbols (nu or 0) of what is left of the held input at a sample by its projection on the interval.
+
+        An output that looks at x' or z sees the whole input at once, where the polynomials have its projection only. With
+        F(x', x, z, u) = 0 it differs by E du,  E = -dh/d(x', z) (dF/d(x', z))^-1 dF/du, in which the parameters stay what they are.
+        """
         dae = self.dae
+        unknown = ca.vertcat(dae.dx, dae.z)
+        at_once, forced = ca.jacobian(dae.output, unknown), ca.jacobian(dae.residual, dae.u)
+        if not (at_once.nnz() and forced.nnz()):
+            return dae.output, ca.SX(0, 1)
+        E: Any = -at_once @ ca.solve(ca.jacobian(dae.residual, unknown), forced)
+        E = ca.sparsify(ca.simplify(ca.substitute(E, dae.w, ca.SX.zeros(dae.w.shape[0]))))
+        du = ca.SX.sym("du", dae.u.shape[0])
+        return (dae.output + E @ du, du) if E.nnz() else (dae.output, ca.SX(0, 1))
+
+    def function(self, name: str, expression: Any, more: Any = None) -> Any:
+        """`expression` of the model as a function (v = [dx; x; z; w_soft], p, p_ref, d = [u; t]); other residual forces are zero.
+
+        more: symbols that the expression also takes, from further rows of d.
+        """
+        dae, more = self.dae, ca.SX(0, 1) if more is None else more
         w = ca.SX.sym("w", self.interpolation.forces)
         forces = ca.SX.zeros(dae.w.shape[0])
         for k, place in enumerate(self.soft[: self.interpolation.forces]):
             forces[place] = w[k]
-        v, d = ca.SX.sym("v", self.interpolation.rows), ca.SX.sym("d", dae.u.shape[0] + 1)
+        nu = dae.u.shape[0]
+        v, d = ca.SX.sym("v", self.interpolation.rows), ca.SX.sym("d", nu + 1 + more.shape[0])
         nx, nz = self.interpolation.states, self.interpolation.algebraics
         dx, x, z, w_v = ca.vertsplit(v, [0, nx, 2 * nx, 2 * nx + nz, self.interpolation.rows])
-        inner = ca.Function("model", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t, self.p_ref], [expression])
+        inner = ca.Function("model", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t, self.p_ref, more], [expression])
         forces = ca.substitute(forces, w, w_v) if self.interpolation.forces else forces
         p, p_ref = ca.SX.sym("p", dae.p.shape[0]), ca.SX.sym("p_ref", dae.p.shape[0])
-        phi = ca.densify(inner(dx, x, z, d[:-1], p, forces, d[-1], p_ref))
+        phi = ca.densify(inner(dx, x, z, d[:nu], p, forces, d[nu], p_ref, d[nu + 1 :]))
         return ca.Function(name, [v, p, p_ref, d], [phi], ["v", "p", "p_ref", "d"], ["phi"])
 
     def intervals(self, of_horizons: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:

@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .curvature import Curvature, curvature
+from .curvature import Curvature, curvature, determined_variance
 from .forces import Forces
 from .ipopt import Solved, Solver
-from .linear import bridge_variance
+from .linear import bridge_variance, unresolved_density
 from .nlp import Values
 from .polynomials import Array
 from .readout import read
@@ -20,7 +20,9 @@ from .transcription import Transcription
 
 @dataclass(frozen=True, kw_only=True)
 class Sampled:
-    """Estimates at the n samples of one horizon; standard deviations have the shapes of their values, NaN where there are none.
+    """Estimates at the n samples of one horizon; standard deviations have the shapes of their values.
+
+    A standard deviation is inf where the data do not determine the value, and NaN where the solution is no minimum.
 
     states (n, nx), outputs (n, ny), forces (n, n_soft): what the mesh resolves of the residual forces.
     """
@@ -52,25 +54,32 @@ class Solution:
 
     @cached_property
     def curvature(self) -> Curvature | None:
-        """Covariances from the Gauss-Newton KKT matrix; None when it is singular."""
+        """Covariances from the Gauss-Newton KKT matrix; None where it is not that of a minimum."""
         hessian, jacobian = self.solver.hessian(self.solved.decisions, replace(self.values, gamma=0.0))
         try:
-            return curvature(self.transcription.nlp, hessian, jacobian, self.values.unit, self._known)
+            found = curvature(self.transcription.nlp, hessian, jacobian, self.values.unit, self._known)
         except np.linalg.LinAlgError:
             return None
+        return found if found.definite else None
 
     @property
     def determined(self) -> bool:
         """Whether the data determine all unknowns: the solution is a strict minimum."""
-        return self.curvature is not None and self.curvature.definite
+        return self.curvature is not None and not len(self.curvature.null)
 
     @cached_property
     def interval_covariance(self) -> Array:
-        """Covariance of the local unknowns and parameters of every interval; NaN when they are not determined."""
-        if self.curvature is not None and self.curvature.definite:
-            return self.curvature.interval_covariance
-        size = self.transcription.nlp.interpolation.local + len(self.transcription.nlp.free)
-        return np.broadcast_to(np.nan, (len(self.transcription.nlp.steps), size, size))
+        """Covariance of the local unknowns and parameters of every interval, given the null directions; NaN without a minimum."""
+        return self._without_minimum(2) if self.curvature is None else self.curvature.interval_covariance
+
+    @property
+    def interval_null(self) -> Array:
+        """The null directions at every interval (`Curvature`)."""
+        return np.empty((*self._without_minimum(1).shape, 0)) if self.curvature is None else self.curvature.interval_null
+
+    def _without_minimum(self, dimensions: int) -> Array:
+        nlp = self.transcription.nlp
+        return np.broadcast_to(np.nan, (len(nlp.steps), *(nlp.interpolation.local + len(nlp.free),) * dimensions))
 
     @cached_property
     def rows(self) -> list[Array]:
@@ -91,34 +100,46 @@ class Solution:
         return self.solver.jacobian_of_rows(number, self.solved.decisions, self.values)
 
     def leverage(self, number: int) -> Array:
-        """Variance, given the data, of a term's values m, not scaled; (K m, C)."""
+        """Variance, given the data and the null directions, of a term's values m, not scaled; (K m, C)."""
         J = self.jacobian_of_rows(number)
         C = self.interval_covariance[self.transcription.nlp.terms[number].interval]
         return np.asarray(np.einsum("rmi,rmi->mr", J @ C, J), dtype=np.float64)
+
+    def variance(self, number: int) -> Array:
+        """Variance, given the data, of a term's values m, not scaled; inf where they do not determine it; (K m, C)."""
+        null = self.jacobian_of_rows(number) @ self.interval_null[self.transcription.nlp.terms[number].interval]
+        return determined_variance(self.leverage(number), np.swapaxes(null, 0, 1))
+
+    def outputs(self, number: int) -> Array:
+        """Outputs at all samples of horizon `number`, also the missing ones, (ny, n)."""
+        moved = read(self.transcription, number, self.solved.decisions, self.parameters).moved_outputs
+        return self._polynomial_outputs[:, self._part(number)] + moved
 
     def sampled(self, number: int) -> Sampled:
         """Estimates at the samples of horizon `number`."""
         t = self.transcription
         horizon, ip = t.horizons[number], t.nlp.interpolation
         at = read(t, number, self.solved.decisions, self.parameters)
-        first = sum(len(h.time) for h in t.horizons[:number])
-        part = slice(first, first + len(horizon.time))
-        samples = self.term("samples")
+        part, samples = self._part(number), self.term("samples")
         # white forces drive the states between the knots also beyond the moments that the mesh resolves
         spread = bridge_variance(horizon.mesh, t.degree, at.interval - t.offsets[number], at.tau)
         density = (t.force_std_at(self.values)[:, at.interval] ** 2).T * spread[:, None]
         beyond = np.einsum("nij,nj->ni", at.linear.G**2, density)
         beyond_outputs = np.einsum("nij,nj->ni", (at.linear.C @ at.linear.G) ** 2, density)
+        if at.linear.D.any():
+            force = (t.force_std_at(self.values)[:, at.interval] ** 2).T * unresolved_density(horizon, t.degree)[:, None]
+            beyond_outputs += np.einsum("nij,nj->ni", at.linear.D**2, force)
         T = ip.matrix(at.basis)[:, ip.states : 2 * ip.states]
         C = self.interval_covariance[at.interval][:, : ip.local, : ip.local]
-        states = np.einsum("nij,nij->ni", T @ C, T) + beyond
-        outputs = self.leverage(samples)[:, part].T + beyond_outputs
+        null = T @ self.interval_null[at.interval][:, : ip.local]
+        states = determined_variance(np.einsum("nij,nij->ni", T @ C, T), null) + beyond
+        outputs = self.variance(samples)[:, part].T + beyond_outputs
         force, force_std = self.forces.at_samples(number)
         return Sampled(
             time=horizon.time,
             states=(at.x + at.moved).T,
             states_std=np.sqrt(np.maximum(states, 0.0)),
-            outputs=(self._outputs(samples)[:, part] + at.moved_outputs).T,
+            outputs=(self._polynomial_outputs[:, part] + at.moved_outputs).T,
             outputs_std=np.sqrt(np.maximum(outputs, 0.0)),
             forces=force,
             forces_std=force_std,
@@ -130,8 +151,15 @@ class Solution:
         exact = np.array([h.initial_std == 0 for h in self.transcription.horizons])
         return np.union1d(self.transcription.starts[exact], np.array(self.solved.on_bound, dtype=np.int64)).astype(np.int64)
 
-    def _outputs(self, samples: int) -> Array:
+    def _part(self, number: int) -> slice:
+        """The samples of one horizon among all."""
+        first = sum(len(h.time) for h in self.transcription.horizons[:number])
+        return slice(first, first + len(self.transcription.horizons[number].time))
+
+    @cached_property
+    def _polynomial_outputs(self) -> Array:
         """Outputs of the polynomials at all samples, also the missing ones, (ny, all samples)."""
+        samples = self.term("samples")
         ones = tuple(np.ones_like(s) if i == samples else s for i, s in enumerate(self.values.scale))
         zeros = tuple(np.zeros_like(s) if i == samples else s for i, s in enumerate(self.values.target))
         return self.solver.rows(self.solved.decisions, replace(self.values, scale=ones, target=zeros))[samples]

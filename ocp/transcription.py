@@ -112,7 +112,7 @@ def transcribe(
     std = np.array([force_std[k] for k in soft])
     pieces = Pieces(dae, interpolation, horizons, offsets, soft)
     terms = scheme.dynamics(pieces, degree, std)
-    terms += [_samples(pieces), *_initial(pieces), *_prior(pieces, free, prior)]
+    terms += [_samples(pieces, degree), *_initial(pieces), *_prior(pieces, free, prior)]
     nlp = Nlp(interpolation=interpolation, index=index, steps=steps, terms=tuple(terms), parameter_count=dae.p.shape[0], free=tuple(free))
     return Transcription(
         dae=dae, method=method, degree=degree, horizons=tuple(horizons), offsets=offsets, soft=soft, force_std=std, nlp=nlp
@@ -128,17 +128,19 @@ def _indices(horizons: Sequence[Horizon], interpolation: Interpolation) -> tuple
     return np.concatenate(parts, axis=1), tuple(offsets)
 
 
-def _samples(pieces: Pieces) -> Term:
+def _samples(pieces: Pieces, degree: int) -> Term:
     """Outputs at the samples, (y - target)/std; a missing sample has weight zero."""
-    dae = pieces.dae
+    output, left = pieces.outputs_at_samples()
     located = [h.mesh.locate(h.time) for h in pieces.horizons]
     data = [np.vstack([h.input_at(h.time), h.clock + h.time]) for h in pieces.horizons]
+    if left.shape[0]:
+        data = [np.vstack([d, h.unresolved_input(degree)]) for d, h in zip(data, pieces.horizons, strict=True)]
     target = np.concatenate([h.target for h in pieces.horizons]).T
     std = np.concatenate([np.broadcast_to(h.target_std, h.target.shape) for h in pieces.horizons]).T
     there = np.isfinite(target)
     return Term(
         name="samples",
-        function=pieces.function("samples", dae.output),
+        function=pieces.function("samples", output, left),
         interval=pieces.intervals([i for i, _ in located]),
         tau=np.concatenate([tau for _, tau in located]),
         data=np.hstack(data),

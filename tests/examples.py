@@ -8,7 +8,17 @@ import casadi as ca
 import numpy as np
 
 from backsight.models import Component, Dae, Equation, Model, Parameter, Translational, Variable, compile_model, equal, law
-from backsight.models.mechanics.translational import ConstantForce, Damper, Fixed, Force, Mass, PositionSensor, Spring, VelocitySensor
+from backsight.models.mechanics.translational import (
+    AccelerationSensor,
+    ConstantForce,
+    Damper,
+    Fixed,
+    Force,
+    Mass,
+    PositionSensor,
+    Spring,
+    VelocitySensor,
+)
 from backsight.ocp import Horizon, Mesh
 
 M, D, K, OFFSET, LAG = 2.0, 1.5, 50.0, 0.7, 0.05
@@ -82,6 +92,11 @@ def oscillator() -> Model:
 def lagged() -> Model:
     """The oscillator behind an actuator of first order, position and velocity measured: one equation is exact whatever the weights."""
     return _on_mass("lagged", LaggedForce(), Spring(k=K), {"x": "sensor.s", "v": "speed.v"})
+
+
+def shaken() -> Model:
+    """The oscillator with an accelerometer beside the position sensor: what acts on the mass enters its reading at once."""
+    return _on_mass("shaken", Force(), Spring(k=K), {"x": "sensor.s", "a": "shaker.a"}, {"shaker": AccelerationSensor()})
 
 
 def stiffening() -> Model:

@@ -14,11 +14,11 @@ from .document import document, drawn, points_per_curve, save
 from .evidence import Columns
 from .figures import input_chart, output_chart, residual_chart, residual_scatter, state_chart, whiteness_chart
 from .quantities import count, quantity
-from .tables import facts, fit_table, parameter_table, weight_table
+from .tables import facts, fit_table, parameter_table, prediction_table, weight_table
 
 if TYPE_CHECKING:
     from ..recording import Recording
-    from ..results import Smoothing
+    from ..results import Prediction, Smoothing
 
 __all__ = ["write_report"]
 
@@ -31,7 +31,7 @@ def write_report(result: Smoothing, path: str | Path, *, recordings: Sequence[Re
     """
     by_name = {r.name: r for r in recordings}
     names = [r.name for r in recordings if r.name in result.estimates] + [n for n in result.estimates if n not in by_name]
-    points = points_per_curve(sum(_curves(result, n) for n in names))
+    points = points_per_curve(sum(_curves(result, n) for n in names) + 3 * sum(len(p.fit) for p in result.held_out.values()))
     longest = max((len(result.estimates[n]) for n in names), default=0)
     sections = [("parameters", "Parameters", parameter_table(result) if result.parameters else "")]
     sections.append(("fit", "Fit", fit_table(result.fit, result) if result.fit else ""))
@@ -42,9 +42,12 @@ def write_report(result: Smoothing, path: str | Path, *, recordings: Sequence[Re
         sections.append((f"outputs-{k}", f"Measured and smoothed{which}", _outputs(result, name, kinds, recording, points, k)))
         sections.append((f"residuals-{k}", f"Residual forces{which}", _residuals(result, name, kinds, points, k)))
         sections.append((f"states-{k}", f"States and inputs{which}", _states(result, name, kinds, recording, points, k)))
+    for k, (name, prediction) in enumerate(result.held_out.items()):
+        page_of = _held_out(result, name, prediction, by_name.get(name), points, len(names) + k)
+        sections.append((f"held-out-{k}", f"Held out: {name}", page_of))
     sections.append(("weights", "Weights", _weights(result)))
     sections.append(("solver", "Solver", _solver(result, points, longest)))
-    unused = [r.name for r in recordings if r.name not in result.estimates]
+    unused = [r.name for r in recordings if r.name not in result.estimates and r.name not in result.held_out]
     page = document(
         title=f"{result.model}: {names[0] if len(names) == 1 else f'{len(names)} recordings'}",
         sub="Whole-horizon smoothing: states, residual forces and parameters with their uncertainties",
@@ -89,6 +92,25 @@ def _residuals(result: Smoothing, name: str, kinds: Columns, points: int, k: int
         parts.append(f"<h3>{code(place)}</h3>{drawn(residual_chart(frame, place, unit, points=points, group=f'time-{k}'))}")
         parts.append(drawn(residual_scatter(frame, place, unit, kinds.states, result.units, points=points)))
     return "".join(parts)
+
+
+def _held_out(result: Smoothing, name: str, prediction: Prediction, recording: Recording | None, points: int, k: int) -> str:
+    """Measured and predicted outputs: nothing but the start was taken from the recording."""
+    kinds = Columns.of(prediction.estimates)
+    said = "".join(f"<p>{escape(note)}</p>" for note in result.notes if note.startswith(f"Held out: {name}"))
+    charts = [
+        output_chart(
+            prediction.estimates,
+            o,
+            result.units.get(o, ""),
+            noise_std(result, o, recording),
+            points=points,
+            group=f"time-{k}",
+            model="predicted",
+        )
+        for o in kinds.outputs
+    ]
+    return said + prediction_table(prediction, result.units) + "".join(drawn(c) for c in charts)
 
 
 def _states(result: Smoothing, name: str, kinds: Columns, recording: Recording | None, points: int, k: int) -> str:

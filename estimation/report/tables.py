@@ -13,9 +13,9 @@ from .evidence import autocorrelation
 from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
-    from ..results import OutputFit, Smoothing
+    from ..results import OutputFit, Prediction, Smoothing
 
-__all__ = ["facts", "fit_table", "parameter_table", "table", "weight_table"]
+__all__ = ["facts", "fit_table", "parameter_table", "prediction_table", "table", "weight_table"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: Sequence[int] = (0,), codes: Sequence[int] = (0,)) -> str:
@@ -60,6 +60,17 @@ def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> 
             rows.append([name, output, rms, percent(f.fit_percent), p, whiteness_sentence(f.whiteness_p, largest)])
     head = ["recording", "output", "rms error", "fit", "whiteness p", "the errors"]
     return table(head, rows, words=(0, 1, 5), codes=(0, 1))
+
+
+def prediction_table(prediction: Prediction, units: Mapping[str, str]) -> str:
+    """Output, rms error and fit over the whole recording, rms error over windows."""
+    rows = []
+    for output, f in prediction.fit.items():
+        ahead = prediction.window_rms.get(output)
+        unit = units.get(output, "")
+        rows.append([output, quantity(f.rms, unit), percent(f.fit_percent), NOTHING if ahead is None else quantity(ahead, unit)])
+    window = "" if prediction.window_s is None else f" over {quantity(prediction.window_s, 's')}"
+    return table(["output", "rms error, whole recording", "fit", f"rms error{window}"], rows) if rows else ""
 
 
 def weight_table(result: Smoothing) -> str:

@@ -307,3 +307,64 @@ def test_an_interrupt_from_the_keyboard_ends_the_process_with_130_and_leaves_not
     assert process.returncode == 130
     assert "Traceback" not in err
     assert set(content(folder)) == before
+
+
+# ---------------------------------------------------------------- estimates taken along, recordings held out
+
+
+def test_simulate_takes_the_parameters_that_smooth_estimated(folder):
+    assert main(["smooth", "study.toml", "--out", "fitted", "--quiet"]) == 0
+    estimated = json.loads(Path("fitted/result.json").read_text())["parameters"]
+    two = STUDY + STUDY[STUDY.index("[[recording]]") :].replace("record.csv", "other.csv")
+    Path("study.toml").write_text(two)
+    pd.DataFrame({"t_s": T, "F_N": -FORCE, "x_m": -X}).to_csv("other.csv", index=False)
+    for jobs in ("1", "2"):
+        assert main(["simulate", "study.toml", "--estimates", "fitted", "--out", f"out{jobs}", "--quiet", "--jobs", jobs]) == 0
+        result = json.loads(Path(f"out{jobs}/result.json").read_text())
+        for name in ("carriage.m", "friction.d"):
+            assert result["parameters"][name]["value"] == estimated[name]["value"] != pytest.approx(80.0)
+        assert result["parameters"]["friction.f_c"]["value"] == 0.0
+        # the exact motion of the true axis, which the guesses of the study miss by far
+        assert result["fit"]["other.csv"]["x"]["rms"] < 1e-4 * np.ptp(X)
+    assert main(["simulate", "study.toml", "--out", "guessed", "--quiet"]) == 0
+    assert json.loads(Path("guessed/result.json").read_text())["fit"]["other.csv"]["x"]["rms"] > 1e-2 * np.ptp(X)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, ("nowhere", "cannot be read", "folder of results")),
+        ("{", ("holds no results of smooth",)),
+        ("[]", ("holds no results of smooth",)),
+        ('{"model": "crane", "parameters": {}}', ('"crane"', '"actuator"')),
+        ('{"model": "actuator", "parameters": {}}', ("nothing was estimated",)),
+        ('{"model": "actuator", "parameters": {"carriage.n": {"value": 1.0, "fixed": false}}}', ('"carriage.n"', "'carriage.m'")),
+        ('{"model": "actuator", "parameters": {"carriage.m": {"value": null, "fixed": false}}}', ("holds no results of smooth",)),
+    ],
+)
+def test_estimates_that_cannot_be_used_are_refused(folder, capsys, content, words):
+    if content is not None:
+        Path("nowhere").mkdir()
+        Path("nowhere/result.json").write_text(content)
+    message = fails(capsys, folder, "simulate", "study.toml", "--estimates", "nowhere", "--out", "out")
+    assert message.startswith("error: --estimates nowhere: ")
+    assert all(word in message for word in words), message
+
+
+def test_what_is_held_out_is_predicted_in_result_json_and_in_the_report(folder, capsys):
+    pd.DataFrame({"t_s": T, "F_N": -FORCE, "x_m": NOISE[::-1] - X}).to_csv("other.csv", index=False)
+    held_out = STUDY[STUDY.index("[[recording]]") :].replace("record.csv", "other.csv").replace('"fit"', '"held_out"')
+    Path("study.toml").write_text(STUDY + held_out)
+    assert main(["smooth", "study.toml", "--out", "out"]) == 0
+    fit = json.loads(Path("out/result.json").read_text())["fit"]
+    assert fit["record.csv"]["x"]["role"] == "fit"
+    assert fit["other.csv"]["x"]["role"] == "held_out"
+    assert fit["other.csv"]["x"]["rms"] < 1e-4
+    assert fit["other.csv"]["x"]["fit_percent"] > 99
+    assert fit["other.csv"]["x"]["window_rms"] == pytest.approx(1e-5, rel=0.5)
+    assert set(pd.read_csv("out/estimates.csv").columns) >= {"x", "x.std"}
+    assert len(pd.read_csv("out/estimates.csv")) == len(T)
+    page = Path("out/report.html").read_text()
+    assert "Held out: other.csv" in page
+    assert "predicted" in page
+    assert "prediction of x, other.csv" in capsys.readouterr().out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from examples import compiled, lagged
@@ -39,11 +41,19 @@ def test_time_counts_from_the_recordings_start():
 
 def test_a_deviation_comes_from_v_else_from_the_recording_else_from_the_samples():
     own = recording(output_std={"v": 0.2})
-    assert output_stds(Problem(model=DAE, recordings=[own], weights=Weights(V={"v": 0.5}))) == ([{"v": 0.5}], set())
-    assert output_stds(Problem(model=DAE, recordings=[own])) == ([{"v": 0.2}], set())
+    assert output_stds(Problem(model=DAE, recordings=[own], weights=Weights(V={"v": 0.5}))) == ([{"v": 0.5}], [set()])
+    assert output_stds(Problem(model=DAE, recordings=[own])) == ([{"v": 0.2}], [set()])
     tables, chosen = output_stds(Problem(model=DAE, recordings=[recording()]))
-    assert chosen == {"v"}
+    assert chosen == [{"v"}]
     assert tables[0]["v"] == pytest.approx(1e-2, rel=0.25)
+
+
+def test_the_models_own_noise_stands_where_the_samples_are_too_few_to_tell():
+    sensor = replace(DAE, outputs=tuple(replace(q, noise_std=0.07) for q in DAE.outputs))
+    y = np.full(101, np.nan)
+    y[::10] = np.linspace(0.0, 1.0, 11)
+    assert output_stds(Problem(model=sensor, recordings=[recording(outputs={"v": y})]))[0][0]["v"] == 0.07
+    assert output_stds(Problem(model=sensor, recordings=[recording()]))[0][0]["v"] == pytest.approx(1e-2, rel=0.25)
 
 
 def test_the_density_of_samples_counts_those_that_are_there():

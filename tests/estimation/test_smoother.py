@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import truths
-from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, lagged, oscillator, stiffening
+from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, lagged, oscillator, shaken, stiffening
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoother import Settings
@@ -203,6 +203,26 @@ def test_steps_of_the_input_inside_an_interval_act_with_their_full_impulse():
     assert np.all(np.abs(scores(s)) < 3.5), scores(s)
     table = s.estimates["run"]
     assert np.max(np.abs(table["mass.s"] - x[:, 0])) < 1.5 * STD
+
+
+def with_accelerometer(force_std: float, std: float, n: int = 300) -> Run:
+    """The force steps at every sample; the accelerometer reads what acts at the instant of the sample."""
+    rng = np.random.default_rng(0)
+    time, u = np.arange(n) * 0.01, 60 * rng.normal(size=n)
+    x = truths.disturbed(PLANT, time, u, START, force_std, rng)
+    a = (u - D * x[:, 1] - K * x[:, 0] - OFFSET) / M + std * rng.normal(size=n)
+    y = x[:, 0] + STD * rng.normal(size=n)
+    return Run(Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y, "a": a}, output_std={"x": STD, "a": std}), x)
+
+
+def test_an_accelerometer_sees_the_steps_of_the_input_at_once_and_weighs_the_mass_whatever_its_guess():
+    run = with_accelerometer(0.0, 0.05)
+    problem = Problem(
+        model=compiled(shaken()), recordings=[run.recording], parameters={"mass.m": Free(4.0)}, weights=Weights(W={"mass": 1e-4})
+    )
+    s = smooth(problem)
+    assert abs(s.parameters["mass.m"].value - M) < 3.5 * s.parameters["mass.m"].std < 0.01 * M
+    assert s.fit["run"]["a"].rms == pytest.approx(0.05, rel=0.15)
 
 
 def test_a_nonlinear_plant_with_an_algebraic_variable_and_an_exact_equation_is_found():

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.models import Dae
 
 PLANT, MODEL = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator())
 STD = 1e-3
 
 
-def fitted(seed: int, force_std: float, open_weights: str, n: int = 400) -> Smoothing:
+def fitted(seed: int, force_std: float, open_weights: str, n: int = 400, model: Dae = MODEL) -> Smoothing:
     """A record of 4 s; open_weights: "W", "V" or "WV" are left to the data."""
     rng = np.random.default_rng(seed)
     time, u = 0.01 * np.arange(n), 20 * np.sign(np.sin(np.arange(n) * 0.0483 + seed)) + 10 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
@@ -21,7 +24,7 @@ def fitted(seed: int, force_std: float, open_weights: str, n: int = 400) -> Smoo
     recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={} if "V" in open_weights else {"x": STD})
     weights = Weights(W={} if "W" in open_weights else {"mass": force_std})
     free = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
-    return smooth(Problem(model=MODEL, recordings=[recording], parameters=free, weights=weights))
+    return smooth(Problem(model=model, recordings=[recording], parameters=free, weights=weights))
 
 
 @pytest.mark.parametrize("open_weights", ["W", "V", "WV"])
@@ -76,3 +79,28 @@ def test_a_weight_open_for_two_recordings_does_not_touch_the_deviation_that_one_
         weights=Weights(W={"mass": 0.1}),
     )
     assert smooth(problem).weights.V["x"] == pytest.approx(3 * STD, rel=1e-12)
+
+
+def test_what_one_recording_leaves_open_is_found_beside_another_that_gives_it():
+    """Seen through the model: in a signal that jumps from sample to sample the differences would call the motion noise."""
+    rng, n = np.random.default_rng(3), 300
+    time, u = 0.02 * np.arange(n), 200 * np.repeat(rng.normal(size=n // 3 + 1), 3)[:n]
+    y = truths.disturbed(PLANT, time, u, np.zeros(2), 0.1, rng)[:, 0] + STD * rng.normal(size=n)
+    given = Recording(name="a", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": 3 * STD})
+    wide = truths.disturbed(PLANT, time, -u, np.zeros(2), 0.1, rng)[:, 0] + 2 * STD * rng.normal(size=n)
+    left_open = Recording(name="b", time=time, inputs={"F": -u}, outputs={"x": wide})
+    s = smooth(Problem(model=MODEL, recordings=[given, left_open], parameters={"mass.m": Free(3.0)}, weights=Weights(W={"mass": 0.1})))
+    (note,) = [note for note in s.notes if note.startswith("V of x")]
+    assert note.startswith("V of x: std 0.003 m as given (a); std ")
+    found = float(note.split("; std ")[1].split()[0])
+    assert found == pytest.approx(2 * STD, rel=0.15)
+    assert s.weights.V["x"] == pytest.approx(3 * STD, rel=1e-12)
+
+
+@pytest.mark.parametrize(("own", "said"), [(STD, False), (STD / 2.5, False), (STD / 5, True), (5 * STD, True), (None, False)])
+def test_a_noise_far_from_the_models_own_is_mentioned(own, said):
+    model = replace(MODEL, outputs=tuple(replace(q, noise_std=own) for q in MODEL.outputs))
+    s = fitted(0, 0.3, "V", model=model)
+    assert s.weights.V["x"] == pytest.approx(STD, rel=0.15)
+    assert any("the model itself supposes" in note for note in s.notes) == said
+    assert not any("the model itself supposes" in note for note in fitted(0, 0.3, "", model=model).notes)

@@ -153,6 +153,41 @@ def test_the_gap_of_a_drive_is_crossed_as_an_event_accurate_reference_crosses_it
     assert len(run.events) > 20
 
 
+def test_a_force_that_acts_only_between_two_corners_a_moment_apart_is_not_missed() -> None:
+    """A damped contact on both sides of s = 0: it lets go where k s + d v = 0 and takes hold at s = 0, 30 us later.
+
+    A step of 1 ms over both sees the same straight line on either side, and an integrator without events is wrong by 4e-6 at any tolerance.
+    """
+
+    def law(c: Any) -> Any:
+        q = c.k * c.s + c.d * c.v
+        return ca.if_else(c.s > 0, ca.fmax(q, 0), ca.fmin(q, 0))
+
+    start, velocity = 1.3e-5, -2.5e-3
+    t = np.linspace(0.0, 0.01, 11)
+    run = simulate(body(law, k=1e4, d=0.3), t, {"u": -0.05}, initial={"a.s": start, "a.v": velocity})
+
+    now, q, edge = 0.0, np.array([start, velocity]), 1e4
+    for force, corner in ((1.0, (1e4, 0.3)), (0.0, (1.0, 0.0)), (1.0, None)):
+
+        def rate(_: float, y: Array, force: float = force) -> list[float]:
+            return [y[1], -0.05 - force * (edge * y[0] + 0.3 * y[1])]
+
+        def crossing(_: float, y: Array, corner: tuple[float, float] = corner or (0.0, 0.0)) -> float:
+            return float(corner[0] * y[0] + corner[1] * y[1])
+
+        crossing.terminal = True  # type: ignore[attr-defined]
+        part = solve_ivp(rate, (now, 0.01), q, method="DOP853", rtol=1e-13, atol=1e-18, events=crossing if corner else None)
+        now, q = float(part.t[-1]), part.y[:, -1]
+    assert run.states["a.v"][-1] == pytest.approx(q[1], rel=1e-10)
+    assert run.states["a.s"][-1] == pytest.approx(q[0], rel=1e-9)
+
+
+def test_a_body_at_rest_on_a_corner_makes_no_events() -> None:
+    run = simulate(body(lambda c: c.k * ca.fmin(c.s, 0)), np.linspace(0.0, 1.0, 11), {"u": 0.0})
+    assert run.events == ()
+
+
 # --- friction
 
 

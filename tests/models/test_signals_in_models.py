@@ -173,6 +173,37 @@ def test_a_start_value_of_the_model_is_where_it_starts() -> None:
     assert moved(model, F=0.0) == pytest.approx(1.25, rel=1e-9)
 
 
+def geared(**start: float) -> Model:
+    from backsight.models.mechanics.rotational import Gear, Inertia
+
+    return Model(
+        name="geared",
+        components={"fast": Inertia(J=1.0), "gear": Gear(ratio=4.0), "slow": Inertia(J=2.0)},
+        connections=[("fast.flange", "gear.flange_a"), ("gear.flange_b", "slow.flange")],
+        outputs={"phi": "slow.phi"},
+        start={name.replace("_", ".", 1): value for name, value in start.items()},
+    )
+
+
+@pytest.mark.parametrize(("name", "value"), [("fast_phi", 2.0), ("slow_phi", 0.5)])
+def test_a_start_value_of_a_coordinate_that_another_stands_for_is_handed_on(name: str, value: float) -> None:
+    run = simulate(compile_model(geared(**{name: value})), [0.0])
+    assert run.outputs["phi"][0] == pytest.approx(0.5, rel=1e-12)
+
+
+def test_start_values_that_contradict_each_other_are_refused() -> None:
+    assert simulate(compile_model(geared(fast_phi=2.0, slow_phi=0.5)), [0.0]).outputs["phi"][0] == pytest.approx(0.5)
+    with pytest.raises(ModelError, match=r"start '.*' makes .*; keep one of them"):
+        compile_model(geared(fast_phi=2.0, slow_phi=0.6))
+
+
+def test_a_start_value_of_what_follows_from_several_states_is_refused_with_their_names() -> None:
+    model = replace(bound(), start={"left.s_rel": 0.3})
+    assert simulate(compile_model(model), [0.0], {"F": 0.0}).outputs["x"][0] == pytest.approx(0.3)
+    with pytest.raises(ModelError, match=r"start 'motor\.flange\.f' = 1: 'motor\.flange\.f' follows from motor\.f "):
+        compile_model(replace(axis(), start={"motor.flange.f": 1.0}))
+
+
 def test_models_with_all_of_this_are_pickled_and_compared_by_value() -> None:
     model = replace(bound(), start={"body.s": 0.25}, states=("body.s",))
     assert pickle.loads(pickle.dumps(model)) == model

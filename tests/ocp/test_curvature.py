@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from examples import compiled, lagged, number, oscillator, random_horizon, stiffening
+from examples import K, compiled, lagged, number, oscillator, random_horizon, stiffening
 
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
-from backsight.ocp import Horizon, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
-from backsight.ocp.curvature import Curvature, curvature
+from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
+from backsight.ocp.curvature import Curvature, curvature, determined_variance
 from backsight.ocp.ipopt import Solved
 
 MODELS = {"oscillator": compiled(oscillator()), "lagged": compiled(lagged()), "stiffening": compiled(stiffening())}
@@ -48,11 +48,11 @@ def dense(t: Transcription, solution: Solution) -> tuple[np.ndarray, int]:
     return out * np.outer(values.unit, values.unit), int(np.sum(np.linalg.eigvalsh(reduced) <= 0))
 
 
-def at_a_point(t: Transcription) -> Solution:
+def at_a_point(t: Transcription, free: tuple[float, ...] = (1.5, 0.5)) -> Solution:
     """A solution that was never sought: curvature is a property of the point."""
     rng, solver = np.random.default_rng(5), Solver(t.nlp)
     decisions = rng.normal(size=t.nlp.size) * 0.2
-    decisions[t.nlp.trajectory_size :] = 1.5, 0.5
+    decisions[t.nlp.trajectory_size :] = free
     values = replace(t.nlp.values(np.array([p.value for p in t.dae.parameters])), unit=rng.uniform(0.5, 2.0, t.nlp.size))
     solved = Solved(
         decisions=decisions, cost=0.0, multipliers=np.zeros(t.nlp.constraint_count), status=Status.SOLVED, iterations=0, seconds=0.0
@@ -101,19 +101,102 @@ def found(solution: Solution) -> Curvature:
     return solution.curvature
 
 
+def even(name: str, horizons: int) -> list[Horizon]:
+    """Intervals of one length: beside very short ones a dense inverse is no truth."""
+    made = [random_horizon(MODELS[name], 3 + k) for k in range(horizons)]
+    return [replace(h, mesh=Mesh(np.linspace(h.time[0], h.time[-1], h.mesh.count + 1))) for h in made]
+
+
+def quiet(horizons: int) -> list[Horizon]:
+    """A mass at rest without any force."""
+    made = even("oscillator", horizons)
+    return [replace(h, inputs=0 * h.inputs, target=0 * h.target, initial_std=np.full(2, VAGUE)) for h in made]
+
+
+def adrift(horizons: int) -> list[Horizon]:
+    """Only the velocity is measured, and of the start nothing is known."""
+    made = even("lagged", horizons)
+    return [replace(h, target=np.where([True, False], np.nan, h.target)) for h in made]
+
+
+# model, samples, what is free and what is fixed, and how many directions the data leave open in one horizon and in two
+OPEN = {
+    "two forces of which only the sum acts": ("oscillator", quiet, ("damper.d", "offset.f", "spring.s_rel0"), {}, (1, 1)),
+    "a length that no force knows": ("oscillator", quiet, ("offset.f", "spring.s_rel0"), {"spring.k": 0.0}, (1, 1)),
+    "a free position": ("lagged", adrift, ("offset.f", "mass.m"), {"spring.k": 0.0}, (1, 2)),
+}
+
+
 @pytest.mark.parametrize("method", ["spline", "collocation"])
-def test_a_parameter_that_nothing_depends_on_is_not_determined(method):
+@pytest.mark.parametrize("soft", [True, False], ids=["soft", "hard"])
+@pytest.mark.parametrize("horizons", [1, 2])
+@pytest.mark.parametrize("case", OPEN)
+def test_what_the_data_leave_open_is_named_and_all_else_has_the_variance_of_the_dense_pseudo_inverse(case, horizons, soft, method):
+    name, made, free, fixed, dimensions = OPEN[case]
+    dae = MODELS[name]
+    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
+    force_std = {0: 0.5} if soft else {}
+    t = transcribe(dae, made(horizons), free=number(dae, *free), prior=nothing, force_std=force_std, method=method)
+    rng, n = np.random.default_rng(5), t.nlp.trajectory_size
+    decisions = np.concatenate([rng.normal(size=n) * 0.2, 0.5 + np.arange(len(free))])
+    parameters = np.array([fixed.get(p.name, p.value) for p in dae.parameters])
+    values = replace(t.nlp.values(parameters), unit=rng.uniform(0.5, 2.0, t.nlp.size))
+    solved = Solved(
+        decisions=decisions, cost=0.0, multipliers=np.zeros(t.nlp.constraint_count), status=Status.SOLVED, iterations=0, seconds=0.0
+    )
+    solution = Solution(transcription=t, solver=Solver(t.nlp), values=values, solved=solved)
+
+    upper, J = (m.toarray() for m in solution.solver.hessian(decisions, replace(values, gamma=0.0)))
+    basis = np.linalg.svd(J)[2][np.linalg.matrix_rank(J) :].T if len(J) else np.eye(t.nlp.size)
+    H = basis.T @ (upper + np.triu(upper, 1).T) @ basis
+    size = 1 / np.sqrt(np.maximum(np.diag(H), 1e-12))
+    e, Q = np.linalg.eigh(H * np.outer(size, size))
+    lost = e < 1e-13
+    assert np.sum(lost) == dimensions[horizons - 1], e
+    seen = basis @ (size[:, None] * Q[:, ~lost])
+    expected = np.einsum("ij,j,ij->i", seen, 1 / e[~lost], seen) * values.unit**2
+    null = np.linalg.norm(basis @ (size[:, None] * Q[:, lost]), axis=1) * values.unit
+    is_open = null > 1e-4 * null.max()
+
+    assert not solution.determined
+    c = found(solution)
+    assert len(c.null) == dimensions[horizons - 1]
+    np.testing.assert_array_equal(np.isinf(c.parameter_variance), is_open[n:])
+    np.testing.assert_allclose(c.parameter_variance[~is_open[n:]], expected[n:][~is_open[n:]], rtol=1e-4)
+    for i in range(len(t.nlp.steps)):
+        here = t.nlp.index[:, i]
+        variance = determined_variance(np.diag(c.interval_covariance[i])[: len(here)], c.interval_null[i][: len(here)])
+        np.testing.assert_array_equal(np.isinf(variance), is_open[here])
+        size_here = expected[here].max()
+        np.testing.assert_allclose(variance[~is_open[here]], expected[here][~is_open[here]], rtol=1e-3, atol=1e-8 * size_here)
+
+
+def test_a_null_direction_is_the_combination_that_changes_nothing():
+    """A spring's rest length and a constant force: k s_rel0 = 50 N/m * s_rel0 pushes one way, the offset the other."""
     dae = MODELS["oscillator"]
-    h = random_horizon(dae, 3)
-    quiet = replace(h, inputs=np.zeros_like(h.inputs), target=np.zeros_like(h.target), initial_std=np.full(2, VAGUE))
-    nothing = ParameterPrior(mean=np.array([0.0, 0.0]), std=np.full(2, np.inf))
-    # a spring's stiffness and its rest length: at rest and with the rest length at zero only their product is seen
-    t = transcribe(dae, [quiet], free=number(dae, "offset.f", "spring.s_rel0"), prior=nothing, force_std={0: 0.5}, method=method)
-    solution = replace(at_a_point(t), solved=replace(at_a_point(t).solved, decisions=np.zeros(t.nlp.size)))
-    covariance = None if solution.curvature is None else np.diag(solution.curvature.parameter_covariance)
-    assert not solution.determined or covariance.max() > 1e8
-    if not solution.determined:
-        assert np.isnan(solution.interval_covariance).all()
+    nothing = ParameterPrior(mean=np.zeros(2), std=np.full(2, np.inf))
+    t = transcribe(dae, [random_horizon(dae, 3)], free=number(dae, "offset.f", "spring.s_rel0"), prior=nothing, force_std={0: 0.5})
+    (direction,) = found(at_a_point(t)).null
+    free = [dae.parameters[i].name for i in t.nlp.free]
+    along = dict(zip(free, direction[2:], strict=True))
+    assert along["offset.f"] / along["spring.s_rel0"] == pytest.approx(K, rel=1e-6)
+    assert np.abs(direction[:2]).max() < 1e-9 * np.abs(direction).max()
+
+
+def test_outputs_and_states_that_the_data_show_keep_their_bands_where_another_state_is_adrift():
+    dae = MODELS["lagged"]
+    nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
+    t = transcribe(dae, adrift(1), free=(), prior=nothing, force_std={0: 0.5})
+    solution = at_a_point(t, ())
+    parameters = solution.values.parameters.copy()
+    parameters[number(dae, "spring.k")[0]] = 0.0
+    s = replace(solution, values=replace(solution.values, parameters=parameters)).sampled(0)
+    position = [q.name for q in dae.states].index("mass.s")
+    assert np.isinf(s.states_std[:, position]).all()
+    assert np.isinf(s.outputs_std[:, 0]).all()
+    assert np.isfinite(np.delete(s.states_std, position, axis=1)).all()
+    assert np.isfinite(s.outputs_std[:, 1]).all()
+    assert np.isfinite(s.forces_std).all()
 
 
 def test_an_index_three_model_with_invariants_has_the_dense_covariance():
@@ -128,8 +211,6 @@ def test_an_index_three_model_with_invariants_has_the_dense_covariance():
     rng, time = np.random.default_rng(0), np.linspace(0.0, 0.2, 9)
     angle = 0.5 + 0.1 * np.sin(6 * time)
     y = np.column_stack([np.sin(angle), -np.cos(angle)]) + 1e-3 * rng.normal(size=(9, 2))
-    from backsight.ocp import Mesh
-
     h = Horizon(
         mesh=Mesh(time[::2]),
         time=time,

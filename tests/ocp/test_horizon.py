@@ -169,3 +169,21 @@ def test_a_mesh_that_does_not_span_the_samples_is_refused():
         replace(h, mesh=Mesh(np.array([h.time[0], h.time[-2]])))
     with pytest.raises(ValueError, match=r"Horizon\(mesh=\.\.\.\) must span the samples\."):
         replace(h, mesh=Mesh(np.array([h.time[1], h.time[-1]])))
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_what_the_projection_leaves_of_the_input_at_the_samples_is_their_difference(hold, degree):
+    h = horizon(hold=hold)
+    interval, tau = h.mesh.locate(h.time)
+    found = h.unresolved_input(degree)
+    for i in range(2):
+        for k in range(h.mesh.count):
+            here = np.flatnonzero(interval == k)
+            a, width = h.mesh.knots[k], h.mesh.steps[k]
+            projected = np.zeros(len(here))
+            for j in range(degree):
+                moment = integral(h, i, a, a + width, lambda t, j=j, a=a, width=width: eval_legendre(j, 2 * (t - a) / width - 1)) / width
+                projected += (2 * j + 1) * moment * eval_legendre(j, 2 * tau[here] - 1)
+            np.testing.assert_allclose(found[i, here], held(h, i, h.time[here]) - projected, atol=1e-9)
+            assert h.unresolved_step(degree)[i, k] == pytest.approx(np.max(np.abs(found[i, here]), initial=0.0))

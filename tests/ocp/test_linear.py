@@ -6,10 +6,20 @@ import numpy as np
 import pytest
 import scipy.linalg
 import truths
-from examples import LAG, OFFSET, D, K, M, compiled, lagged, oscillator, stiffening
+from examples import LAG, OFFSET, D, K, M, compiled, lagged, oscillator, shaken, stiffening
 
-from backsight.ocp import Mesh
-from backsight.ocp.linear import Linear, bridge_variance, driven_between_knots, driven_outputs, fastest_rate, linearise
+from backsight.ocp import Horizon, Mesh
+from backsight.ocp.linear import (
+    Linear,
+    bridge_variance,
+    direct_share,
+    driven_between_knots,
+    driven_outputs,
+    fastest_rate,
+    left_out_of_outputs,
+    linearise,
+    unresolved_density,
+)
 
 PLANT = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG)
 
@@ -76,6 +86,64 @@ def test_between_knots_the_input_moves_the_states_through_its_integrals():
     first, second = np.array([[2e-3, 0.0, 1e-3]]), np.array([[1e-5, 2e-5, 0.0]])
     expected = B[:, :1] * first + A @ B[:, :1] * second
     np.testing.assert_allclose(driven_between_knots(linear(), first, second), expected, rtol=1e-12)
+
+
+def accelerometer(places: int = 2) -> Linear:
+    """x = (s, v), y = (s, v'):  v' = (u + w - d v - k s - offset)/m, read by hand."""
+    dae = compiled(shaken())
+    zero = np.zeros((2, places))
+    parameters = np.array([p.value for p in dae.parameters])
+    return linearise(dae, zero, zero, np.zeros((len(dae.algebraics), places)), np.ones((1, places)), np.zeros(places), parameters, (0,))
+
+
+def test_what_acts_on_a_mass_enters_its_accelerometer_at_once():
+    found = accelerometer()
+    np.testing.assert_allclose(found.C[0], [[1, 0], [-K / M, -D / M]], atol=1e-14)
+    np.testing.assert_allclose(found.D[0], [[0], [1 / M]], atol=1e-14)
+    np.testing.assert_allclose(found.E[0], [[0], [1 / M]], atol=1e-14)
+    assert not linear().D.any()
+
+
+def test_the_mean_of_an_accelerometer_over_the_record_tells_a_white_force_to_its_root_density():
+    """A mass alone: the mean of v' over T is (v(T) - v(0))/T, whose variance is q/(m^2 T); its reading is nothing else."""
+    found = accelerometer()
+    alone = Linear(A=0 * found.A, B=found.B, G=found.G, C=0 * found.C, D=found.D, E=found.E)
+    np.testing.assert_allclose(driven_outputs(alone, 4.0)[:, 0], [0.0, 1 / (M * np.sqrt(4.0))], rtol=1e-9)
+
+
+def test_with_an_accelerometer_the_modes_are_those_of_the_correlated_riccati_equation():
+    found = accelerometer()
+    q, r = 5.0, np.array([1e-6, 4e-2])
+    A, G, C, F = found.A[0], found.G[0], found.C[0], found.D[0]
+    P = scipy.linalg.solve_continuous_are(A.T, C.T, q**2 * G @ G.T, np.diag(r) + q**2 * F @ F.T, s=q**2 * G @ F.T)
+    gain = (P @ C.T + q**2 * G @ F.T) @ np.linalg.inv(np.diag(r) + q**2 * F @ F.T)
+    rate = np.abs(np.linalg.eigvals(A - gain @ C)).max()
+    assert fastest_rate(found, np.array([q]), r) == pytest.approx(rate, rel=1e-6)
+    without = Linear(A=found.A, B=found.B, G=found.G, C=found.C, D=0 * found.D, E=found.E)
+    assert fastest_rate(without, np.array([q]), r) != pytest.approx(rate, rel=0.1)
+    # an output without samples has no part in it
+    alone = fastest_rate(found, np.array([q]), np.array([1e-6, np.inf]))
+    assert alone == pytest.approx(fastest_rate(without, np.array([q]), np.array([1e-6, np.inf])), rel=1e-9)
+
+
+def test_the_share_of_a_force_in_a_reading_is_its_density_over_the_samples():
+    assert direct_share(accelerometer(), np.array([5.0]), np.array([1e-6, 4e-2])) == pytest.approx((5 / M) ** 2 / 4e-2)
+    assert direct_share(linear(), np.array([5.0]), np.array([1e-6, 4e-2])) == 0.0
+
+
+def test_a_step_of_the_input_inside_an_interval_moves_an_accelerometer_by_its_full_height():
+    moved = left_out_of_outputs(accelerometer(), np.array([[3.0]]), np.zeros((1, 1)), np.array([0.1]))
+    np.testing.assert_allclose(moved[:, 0], [0.0, 3.0 / M], atol=1e-14)
+
+
+def test_what_the_mesh_has_not_of_a_white_force_is_the_rest_of_its_mean_over_a_sampling_interval():
+    """Two samples in each interval: at the knots the mesh has (1 + 3)/h = 2/dt, more than all; in the middle 1/h = 1/(2 dt)."""
+    time = np.arange(5) * 0.1
+    empty = np.zeros((5, 1))
+    h = Horizon(
+        mesh=Mesh(time[::2]), time=time, inputs=empty, target=empty, target_std=empty + 1, initial=np.zeros(2), initial_std=np.ones(2)
+    )
+    np.testing.assert_allclose(unresolved_density(h, 2), [0, 5, 0, 5, 0], atol=1e-12)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
