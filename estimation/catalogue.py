@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from backsight.models import Dae, Model, SolveError
-from backsight.models.identifiability import identifiability
+from backsight.models.analysis.identifiability import identifiability
 
 from .model_source import compiled, load_model
 

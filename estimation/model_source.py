@@ -69,7 +69,7 @@ def _from_file(text: str, folder: Path, label: str) -> Model | Dae:
 
 def _from_modelica(text: str, folder: Path, label: str) -> Model:
     file, _, name = text.partition(":")
-    from backsight.models.modelica import load_modelica
+    from backsight.models.exchange.modelica import load_modelica
 
     try:
         return load_modelica(folder / file, name)

@@ -5,14 +5,14 @@ dae = compile_model(model)    a Dae: F(x', x, z, u, p, w, t) = 0 as CasADi SX
 simulate(dae, t, {"F": f})    a Trajectory
 """
 
-from .compiler import compile_model
+from .compilation.compiler import compile_model
 from .connectors import BodyFrame, Electrical, Frame, Planar, Rotational, Translational
 from .dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
 from .errors import BacksightError, InputError, ModelError, SolveError
-from .events import Event
 from .language import Component, Connector, Equation, Pair, Parameter, Shared, SignalInput, SignalOutput, Variable, balance, equal, law
 from .model import Model, Output
-from .simulation import Trajectory, simulate
+from .simulation.events import Event
+from .simulation.simulate import Trajectory, simulate
 from .text import equations_text
 
 __all__ = [

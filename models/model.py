@@ -95,7 +95,7 @@ class Model:
 
     def describe(self) -> str:
         """Components, connections, equations with their origin, parameters, inputs, outputs and places as text."""
-        from .describe import describe
+        from .analysis.describe import describe
 
         return describe(self)
 

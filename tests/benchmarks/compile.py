@@ -22,8 +22,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from chains import gear_train, mass_chain
 
 from backsight.models import Model, compiler
-from backsight.models.eliminate import Eliminator, Reduced
-from backsight.models.flatten import FlatModel, flatten
+from backsight.models.compilation.eliminate import Eliminator, Reduced
+from backsight.models.compilation.flat import FlatModel
+from backsight.models.compilation.flatten import flatten
 from backsight.models.plants import actuator
 
 FAMILIES: dict[str, tuple[Callable[[int], Model], tuple[int, ...]]] = {

@@ -8,8 +8,8 @@ import pytest
 from chains import gear_train, mass_chain
 
 from backsight.models import Model, compile_model, simulate
-from backsight.models.eliminate import Eliminator
-from backsight.models.flatten import flatten
+from backsight.models.compilation.eliminate import Eliminator
+from backsight.models.compilation.flatten import flatten
 
 
 def work(model: Model) -> int:

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.signal import cont2discrete, ss2tf
 
 from backsight.models import ModelError, compile_model, simulate
-from backsight.models.linearise import StateSpace, linearise
+from backsight.models.analysis.linearise import StateSpace, linearise
 from backsight.models.plants import PLANTS, drillstring
 
 Array = NDArray[np.float64]

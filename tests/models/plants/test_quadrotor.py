@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from backsight.models import Model, compile_model, simulate
-from backsight.models.linearise import StateSpace, linearise
+from backsight.models.analysis.linearise import StateSpace, linearise
+from backsight.models.analysis.operating_point import equilibrium
 from backsight.models.mechanics.spatial import AsymmetricPropeller, LinearDrag, PropellerInertia
-from backsight.models.operating_point import equilibrium
 from backsight.models.plants import PLANTS, quadrotor
 from backsight.models.signals import Lag
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 from backsight.models import compile_model, simulate
-from backsight.models.linearise import linearise
+from backsight.models.analysis.linearise import linearise
 from backsight.models.mechanics.rotational import EccentricRack
 from backsight.models.mechanics.translational import Spring
 from backsight.models.plants import PLANTS, xy_table

@@ -1,0 +1,164 @@
+"""Alias elimination and causal sorting: minimal coordinates, and residuals that stay where they belong."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from backsight.models import Component, Equation, Model, ModelError, Parameter, Rotational, Translational, compile_model, equal, simulate
+from backsight.models.compilation.eliminate import clean
+from backsight.models.mechanics.rotational import Gear, Inertia, Rack, RotationalFixed, RotationalSpring, Torque
+from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, Rigid, Spring, VelocitySensor
+from backsight.models.plants import actuator
+
+
+def geared() -> Model:
+    return Model(
+        name="geared",
+        components={"motor": Torque(), "fast": Inertia(J=0.2), "gear": Gear(ratio=5.0), "slow": Inertia(J=3.0)},
+        connections=[("motor.flange", "fast.flange"), ("fast.flange", "gear.flange_a"), ("gear.flange_b", "slow.flange")],
+        inputs={"T": "motor.tau"},
+        outputs={"phi": "slow.phi", "omega": "fast.omega"},
+    )
+
+
+def test_two_inertias_on_a_gear_are_one_coordinate_and_no_algebraics() -> None:
+    dae = compile_model(geared())
+    assert [q.name for q in dae.states] == ["slow.phi", "slow.omega"]
+    assert (dae.algebraics, dae.index, dae.kinematics) == ((), 0, ((0, 1, 0),))
+    row = ca.Function("row", [dae.dx, dae.x, dae.u, dae.p, dae.w], [dae.residual[1]])
+    values = [q.value for q in dae.parameters]
+    assert float(row([0, 2.0], [0, 0], [7.0], values, [0.5])) == pytest.approx((3.0 + 25 * 0.2) * 2.0 - 5 * 7.0 - 0.5)
+
+
+def test_a_gear_runs_as_the_reduced_inertia_does() -> None:
+    t = np.linspace(0, 2, 41)
+    run = simulate(compile_model(geared()), t, {"T": 4.0})
+    assert run.outputs["phi"] == pytest.approx(0.5 * 5 * 4.0 / (3.0 + 25 * 0.2) * t**2, rel=1e-8, abs=1e-14)
+    assert run.outputs["omega"] == pytest.approx(5 * 5 * 4.0 / (3.0 + 25 * 0.2) * t, rel=1e-8, abs=1e-14)
+
+
+def test_the_residual_of_a_body_that_moves_with_another_is_the_others() -> None:
+    dae = compile_model(geared())
+    assert [place.name for place in dae.places] == ["slow"]
+    assert dict(dae.merged_places) == {"fast": "slow"}
+    with pytest.raises(ModelError, match="'fast' has no residual of its own: it moves rigidly with 'slow'"):
+        compile_model(geared(), places=["fast"])
+
+
+def test_a_chain_of_rack_gear_and_rigid_couplings_stays_one_coordinate() -> None:
+    model = Model(
+        name="chain",
+        components={
+            "motor": Torque(),
+            "rotor": Inertia(J=0.1),
+            "gear": Gear(ratio=4.0),
+            "wheel": Inertia(J=0.5),
+            "rack": Rack(r=0.05),
+            "slide": Mass(m=20.0),
+            "coupling": Rigid(),
+            "load": Mass(m=30.0),
+        },
+        connections=[
+            ("motor.flange", "rotor.flange"),
+            ("rotor.flange", "gear.flange_a"),
+            ("gear.flange_b", "wheel.flange"),
+            ("wheel.flange", "rack.wheel"),
+            ("rack.rack", "slide.flange"),
+            ("slide.flange", "coupling.flange_a"),
+            ("coupling.flange_b", "load.flange"),
+        ],
+        inputs={"T": "motor.tau"},
+        outputs={"x": "load.s"},
+    )
+    dae = compile_model(model)
+    assert (dae.x.shape[0], dae.z.shape[0], dae.index) == (2, 0, 0)
+    inertia = 0.1 * 16 + 0.5 + 50.0 * 0.05**2  # at the wheel
+    t = np.linspace(0, 1, 11)
+    run = simulate(dae, t, {"T": 3.0})
+    assert run.outputs["x"] == pytest.approx(0.05 * 0.5 * 4 * 3.0 / inertia * t**2, rel=1e-8, abs=1e-15)
+
+
+class Crank(Component):
+    """A slider driven by a pin on a wheel (Scotch yoke).   s = r cos(phi), power conserving."""
+
+    wheel = Rotational()
+    slide = Translational()
+    r = Parameter("m", 0.1)
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"geometry": equal(c.slide.s, c.r * ca.cos(c.wheel.phi)), "power": equal(c.wheel.tau, c.r * ca.sin(c.wheel.phi) * c.slide.f)}
+
+
+def test_a_nonlinear_coupling_is_eliminated_by_its_geometry_and_conserves_energy() -> None:
+    model = Model(
+        name="yoke",
+        components={"wheel": Inertia(J=0.02), "crank": Crank(r=0.3), "slider": Mass(m=2.0)},
+        connections=[("wheel.flange", "crank.wheel"), ("crank.slide", "slider.flange")],
+        outputs={"v": "slider.v", "omega": "wheel.omega"},
+    )
+    dae = compile_model(model)
+    assert [q.name for q in dae.states] == ["wheel.phi", "wheel.omega"]
+    assert dae.index == 0
+    run = simulate(dae, np.linspace(0, 5, 201), initial={"wheel.phi": 0.3, "wheel.omega": 4.0})
+    energy = 0.5 * 0.02 * run.outputs["omega"] ** 2 + 0.5 * 2.0 * run.outputs["v"] ** 2
+    assert energy == pytest.approx(np.full(201, energy[0]), rel=1e-9)
+    assert run.outputs["v"] == pytest.approx(-0.3 * np.sin(run.states["wheel.phi"]) * run.outputs["omega"], abs=1e-12)
+
+
+def test_a_law_whose_residual_is_on_keeps_a_row_of_its_own() -> None:
+    dae = compile_model(actuator(), places=["friction"])
+    assert [place.name for place in dae.places] == ["carriage", "friction"]
+    assert [q.name for q in dae.algebraics] == ["friction.f"]
+    assert dae.index == 1
+    slopes = ca.Function("slopes", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w], [ca.jacobian(dae.residual, dae.w)])
+    values = [q.value for q in dae.parameters]
+    assert slopes([0, 0], [0, 0.1], [1], [1], values, [0, 0]).full().tolist() == [[0, 0], [-1, 0], [0, -1]]
+
+
+def test_a_massless_spring_and_damper_keep_the_relative_position_as_their_state() -> None:
+    model = Model(
+        name="voigt",
+        components={"motor": Force(), "spring": Spring(k=100.0), "damper": Damper(d=20.0), "ground": Fixed(), "speed": VelocitySensor()},
+        connections=[
+            ("motor.flange", "spring.flange_a"),
+            ("motor.flange", "damper.flange_a"),
+            ("motor.flange", "speed.flange"),
+            ("spring.flange_b", "ground.flange"),
+            ("damper.flange_b", "ground.flange"),
+        ],
+        inputs={"F": "motor.f"},
+        outputs={"x": "spring.s_rel", "v": "speed.v"},
+    )
+    dae = compile_model(model)
+    assert (dae.x.shape[0], dae.z.shape[0]) == (1, 0)
+    t = np.linspace(0, 1, 21)
+    run = simulate(dae, t, {"F": 5.0})
+    assert run.outputs["x"] == pytest.approx(0.05 * (1 - np.exp(-5 * t)), rel=1e-8, abs=1e-14)
+    assert run.outputs["v"] == pytest.approx(0.25 * np.exp(-5 * t), rel=1e-8)
+
+
+def test_a_body_held_by_ground_does_not_move_and_leaves_no_state() -> None:
+    model = Model(
+        name="held",
+        components={"motor": Torque(), "wheel": Inertia(), "spring": RotationalSpring(), "ground": RotationalFixed()},
+        connections=[
+            ("motor.flange", "wheel.flange"),
+            ("wheel.flange", "ground.flange"),
+            ("spring.flange_a", "wheel.flange"),
+            ("spring.flange_b", "ground.flange"),
+        ],
+        inputs={"T": "motor.tau"},
+        outputs={"reaction": "ground.flange.tau", "omega": "wheel.omega"},
+    )
+    dae = compile_model(model)
+    assert (dae.x.shape[0], dae.z.shape[0]) == (0, 0)
+    run = simulate(dae, [0.0, 1.0], {"T": 3.0})
+    assert run.outputs["reaction"] == pytest.approx([3.0, 3.0])
+    assert run.outputs["omega"] == pytest.approx([0.0, 0.0])
+
+
+def test_clean_drops_what_cancels() -> None:
+    s, x = ca.SX.sym("s"), ca.SX.sym("x")
+    assert [symbol.name() for symbol in ca.symvar(clean((s + x) - s))] == ["x"]
