@@ -84,12 +84,14 @@ def demo(out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Qu
 
 @app.command()
 def models(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help='A plant, or "file.py:function".')] = None, json: Json = False
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help='A plant, "file.py:function" or "file.mo:Class".')] = None,
+    fmu: Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="Write it as an FMU 3.0 for model exchange instead.")] = None,
+    json: Json = False,
 ) -> int:
-    """List the plants, or print one: components, connections, equations, parameters, signals, places."""
-    from .commands import print_models
+    """List the plants, or print one: components, equations, parameters, signals, places, and what its outputs can tell."""
+    from .commands import print_models, write_fmu
 
-    return print_models(name, json=json)
+    return print_models(name, json=json) if fmu is None else write_fmu(name, fmu)
 
 
 @app.command()

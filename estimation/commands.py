@@ -78,6 +78,20 @@ def print_models(name: str | None, *, json: bool) -> int:
     return DONE
 
 
+def write_fmu(name: str | None, path: Path) -> int:
+    """One model as an FMU."""
+    from backsight.models.errors import InputError
+    from backsight.models.exchange import export_fmu
+
+    from .model_source import compiled, load_model
+
+    if name is None:
+        raise InputError(f"--fmu {path}: no model is named; write backsight models NAME --fmu {path}")
+    written = export_fmu(compiled(load_model(name, Path(), label="models"), label=f"models {name}"), path)
+    sys.stdout.write(f"{written}\n")
+    return DONE
+
+
 def _smooth(study: Study, out: Path, options: Options, *, command: str) -> int:
     from .report import write_report
     from .smoother import smooth

@@ -187,6 +187,13 @@ def test_the_demo_runs_where_one_stands(tmp_path, monkeypatch, capsys):
     assert "report.html" in capsys.readouterr().out
 
 
+def test_a_model_leaves_as_an_fmu_only_when_it_is_named(capsys, tmp_path):
+    assert main(["models", "actuator", "--fmu", str(tmp_path / "axis.fmu")]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "axis.fmu")
+    assert (tmp_path / "axis.fmu").stat().st_size > 1000
+    assert "no model is named" in fails(capsys, tmp_path / "none", "models", "--fmu", str(tmp_path / "axis.fmu"))
+
+
 def test_models_are_listed_and_described(capsys):
     assert main(["models"]) == 0
     assert "actuator" in capsys.readouterr().out
