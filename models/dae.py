@@ -71,7 +71,7 @@ class Dae:
 
     places           one per entry of w
     dormant_places   places that `compile_model(model, places=...)` can switch on
-    merged_places    body that moves rigidly with another -> the place whose residual stands for both
+    merged_places    place whose balance went into other equations -> the place whose residual stands for both; "" where none does
     kinematics       (i, j, row): residual row `row` is exactly x'[i] - x[j] = 0
     index            differential index found before reduction (0 or 1: no reduction was needed)
     variables        every declared variable: dotted name -> expression in x', x, z, u, p, w, t

@@ -44,7 +44,7 @@ class Parameter:
     smoothing: bool = False
 
     def __set_name__(self, owner: type, name: str) -> None:
-        object.__setattr__(self, "_name", name)
+        self.__dict__.setdefault("_name", name)
 
     @overload
     def __get__(self, instance: None, owner: type) -> Parameter: ...
@@ -121,13 +121,14 @@ class Shared:
 
 @dataclass(frozen=True)
 class Equation:
-    """left - right = 0, and for a balance or a law its place: "" is the component itself, "x" is <component>.x."""
+    """left - right = 0; for a balance or a law also its place, "" is the component itself and "x" is <component>.x, and its unit: ""
+    is unknown, None that of the component's flow."""
 
     left: Expression
     right: Expression
     kind: Literal["equal", "balance", "law"]
     place: str = ""
-    unit: str = ""
+    unit: str | None = None
 
 
 def equal(left: Expression, right: Expression) -> Equation:
@@ -135,12 +136,12 @@ def equal(left: Expression, right: Expression) -> Equation:
     return Equation(left, right, "equal")
 
 
-def balance(inertia: Expression, *forces: Expression, place: str = "", unit: str = "") -> Equation:
+def balance(inertia: Expression, *forces: Expression, place: str = "", unit: str | None = None) -> Equation:
     """inertia = sum(forces) + w: the balance of a body; w is the force that the model does not explain."""
     return Equation(inertia, sum(forces[1:], forces[0]) if forces else 0.0, "balance", place, unit)
 
 
-def law(left: Expression, right: Expression, place: str = "", unit: str = "") -> Equation:
+def law(left: Expression, right: Expression, place: str = "", unit: str | None = None) -> Equation:
     """left = right + w: the law of an element; w is absent unless its place is switched on."""
     return Equation(left, right, "law", place, unit)
 
@@ -167,6 +168,13 @@ class Component:
         for name in declared:
             if name in ("der", "time", "at"):
                 raise ModelError(f"{cls.__name__}: '{name}' is a word of the language; give the declaration another name")
+            if isinstance(declared[name], Parameter):
+                check_parameter(f"{cls.__name__}.{name} = Parameter", declared[name])
+                first = declared[name].__dict__["_name"]
+                if first != name:
+                    raise ModelError(
+                        f"{cls.__name__}.{name}: the same Parameter(...) is already called '{first}'; write Parameter(...) again"
+                    )
         cls.declared_parameters = {k: v for k, v in declared.items() if isinstance(v, Parameter)}
         cls.declared_variables = {k: v for k, v in declared.items() if isinstance(v, Variable)}
         cls.declared_connectors = {k: v for k, v in declared.items() if isinstance(v, Connector)}
@@ -178,7 +186,7 @@ class Component:
         for name, value in values.items():
             if name not in self.declared_parameters:
                 raise TypeError(f"{kind} has no parameter '{name}' (= {value!r}); {suggestion(name, self.declared_parameters)}")
-            _check_value(f"{kind}({name}={value!r})", value, self.declared_parameters[name])
+            check_value(f"{kind}({name}={value!r})", value, self.declared_parameters[name])
         chosen = {name: float(values.get(name, parameter.default)) for name, parameter in self.declared_parameters.items()}
         object.__setattr__(self, "parameters", _Values(chosen))
 
@@ -231,7 +239,13 @@ class _Values(Mapping[str, float]):
         return repr(self._values)
 
 
-def _check_value(where: str, value: object, parameter: Parameter) -> None:
+def check_parameter(where: str, parameter: Parameter) -> None:
+    """Refuse a parameter whose default is no number or lies outside its own bounds."""
+    check_value(f"{where}(default={parameter.default!r})", parameter.default, parameter)
+
+
+def check_value(where: str, value: object, parameter: Parameter) -> None:
+    """Refuse what is no finite number (TypeError, ModelError) or lies outside the bounds of the parameter (ModelError)."""
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{where}: a parameter value is a number [{parameter.unit}], not {type(value).__name__}")
     if not math.isfinite(value):

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .errors import ModelError, suggestion
-from .language import Component, Connector, Parameter, Signal, SignalInput, SignalOutput, Variable
+from .language import Component, Connector, Parameter, Signal, SignalInput, SignalOutput, Variable, check_parameter, check_value
 
 GROUNDS: dict[type[Connector], type[Component]] = {}
 
@@ -28,10 +28,20 @@ def ground_of(kind: type[Connector]) -> Callable[[type[Component]], type[Compone
 
 @dataclass(frozen=True)
 class Output:
-    """A measured quantity: any declared variable by dotted name, and the default standard deviation of its noise (SI, None: unknown)."""
+    """A measured quantity: any declared variable by dotted name, and the default standard deviation of its noise (SI, None: unknown).
+
+    Raises ModelError for a standard deviation that is not positive.
+    """
 
     variable: str
     noise_std: float | None = None
+
+    def __post_init__(self) -> None:
+        std = self.noise_std
+        if std is not None and (isinstance(std, bool) or not isinstance(std, Real) or not (math.isfinite(std) and std > 0)):
+            raise ModelError(
+                f"Output('{self.variable}', noise_std={std!r}): a standard deviation is a positive number; leave it out where it is unknown"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +76,11 @@ class Model:
     def __post_init__(self) -> None:
         for name in ("components", "inputs", "outputs", "parameters", "bindings", "start"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        for name, one in (("states", "name"), ("residuals", "place")):
+            if isinstance(getattr(self, name), str):
+                raise ModelError(
+                    f"model '{self.name}': {name} = {getattr(self, name)!r} is a text, not a list; write [...] even for one {one}"
+                )
         object.__setattr__(self, "connections", tuple((str(a), str(b)) for a, b in self.connections))
         object.__setattr__(self, "states", tuple(self.states))
         object.__setattr__(self, "residuals", tuple(self.residuals))
@@ -80,9 +95,16 @@ class Model:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return _rebuild, ({name: dict(value) if isinstance(value, Mapping) else value for name, value in values.items()},)
 
+    def __eq__(self, other: object) -> bool:
+        """The same values in the same order: of the inputs and outputs, and of the components, whose order the states follow."""
+        return isinstance(other, Model) and self._values() == other._values()
+
     def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
         values = (getattr(self, f.name) for f in fields(self))
-        return hash(tuple(tuple(value.items()) if isinstance(value, Mapping) else value for value in values))
+        return tuple(tuple(value.items()) if isinstance(value, Mapping) else value for value in values)
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{name}={component!r}" for name, component in self.components.items())
@@ -140,22 +162,24 @@ class Model:
         return insert(self, place, component, name)
 
     def replace(self, name: str, component: Component) -> Model:
-        """The model with the component `name` exchanged, connections kept; bindings of parameters that the new one lacks go."""
-        self.component(name)
-        kept = {
-            path: to
-            for path, to in self.bindings.items()
-            if _owner(path) != name or path.partition(".")[2] in component.declared_parameters
-        }
-        return replace(self, components={**self.components, name: component}, bindings=kept)
+        """The model with the component `name` exchanged, its connections kept.
+
+        What is said of parameters and variables that the new one lacks goes: bindings, start values, states. Raises ModelError for flanges,
+        inputs and outputs that it lacks, and for a value of its own where the parameter is bound to one of the model.
+        """
+        from .insertion import exchange
+
+        return exchange(self, name, component)
 
     def with_values(self, **values: float | Mapping[str, float]) -> Model:
         """The model with parameter values changed: `with_values(carriage={"m": 90.0})`, or the model's own: `with_values(P_1=0.1)`."""
         components, parameters = dict(self.components), dict(self.parameters)
         for name, value in values.items():
             if isinstance(value, Mapping):
+                self._refuse_bound(name, value)
                 components[name] = self.component(name).with_values(**value)
             elif name in parameters:
+                check_value(f"with_values({name}={value!r})", value, parameters[name])
                 parameters[name] = replace(parameters[name], default=float(value))
             else:
                 raise ModelError(
@@ -165,10 +189,15 @@ class Model:
         return replace(self, components=components, parameters=parameters)
 
     def without(self, name: str) -> Model:
-        """The model without the component `name` and its connections; grounds left with nothing to hold go with it."""
-        from .insertion import idle_grounds
+        """The model without the component `name` and its connections; grounds left with nothing to hold go with it.
 
-        self.component(name)
+        What a block with one signal input and one signal output was given, goes where its output went.
+        """
+        from .insertion import bridged, idle_grounds
+
+        bridge = bridged(self, name)
+        if bridge:
+            return bridge.without(name)
         for what, signals in (("input", self.inputs), ("output", {k: v.variable for k, v in self.measured.items()})):
             for signal, variable in signals.items():
                 if _owner(variable) == name:
@@ -190,6 +219,14 @@ class Model:
         )
 
     # --- checks
+
+    def _refuse_bound(self, name: str, values: Mapping[str, float]) -> None:
+        """Values of parameters that are bound to one of the model would have no effect."""
+        for word, value in values.items():
+            to = self.bindings.get(f"{name}.{word}")
+            if to is not None:
+                there = f"{to}=..." if to.isidentifier() else f'**{{"{to}": ...}}'
+                raise ModelError(f"with_values({name}={{'{word}': {value!r}}}): {name}.{word} is bound to {to}; use with_values({there})")
 
     def _check_components(self) -> None:
         for name, component in self.components.items():
@@ -236,7 +273,8 @@ class Model:
                 raise ModelError(f"input '{name}': '{variable}' is a signal output, which its component drives; name a signal input")
 
     def _check_bindings(self) -> None:
-        for name in self.parameters:
+        for name, parameter in self.parameters.items():
+            check_parameter(f"parameter '{name}' of model '{self.name}': Parameter", parameter)
             owner, _, word = name.partition(".")
             if owner in self.components and word in self.components[owner].declared_parameters:
                 raise ModelError(f"parameter '{name}' of model '{self.name}' has the name of a parameter of component '{owner}'; rename it")
@@ -254,6 +292,7 @@ class Model:
                 )
             if declared[word].unit != self.parameters[to].unit:
                 raise ModelError(f"binding '{path}' [{declared[word].unit}] = '{to}' [{self.parameters[to].unit}]: the units differ")
+            check_value(f"parameter '{to}' of model '{self.name}', which is {path}", self.parameters[to].default, declared[word])
 
     def _check_variable(self, what: str, name: str, variable: str) -> None:
         owner, _, rest = variable.partition(".")

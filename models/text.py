@@ -160,9 +160,16 @@ def _text(e: SX) -> tuple[str, int]:
         return f"not {_bracket(e.dep(0), _PRODUCT)}", _LOGIC
     if op == ca.OP_IF_ELSE_ZERO:
         return f"{_bracket(e.dep(1), _SUM)} if {_text(e.dep(0))[0]} else 0", _LOGIC
-    name = str(e).rpartition("], ")[2].split("(")[0]
+    if op == ca.OP_INV:
+        return f"1/{_bracket(e.dep(0), _POWER)}", _PRODUCT
     arguments = ", ".join(_text(e.dep(i))[0] for i in range(e.n_dep()))
-    return f"{name}({arguments})", _ATOM
+    return f"{_name(op, e.n_dep())}({arguments})", _ATOM
+
+
+def _name(op: int, arguments: int) -> str:
+    """The name of a function: as CasADi writes it with plain symbols."""
+    x = ca.SX.sym("x")
+    return str(ca.SX.unary(op, x) if arguments == 1 else ca.SX.binary(op, x, ca.SX.sym("y"))).partition("(")[0]
 
 
 def _bracket(e: SX, level: int) -> str:

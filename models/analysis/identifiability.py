@@ -79,8 +79,10 @@ class Identifiability:
 
     def sentences(self) -> list[str]:
         """The verdict in words, one finding each."""
-        outputs = ", ".join(self.outputs) or "no output"
+        outputs = ", ".join(self.outputs)
         lines = together(self.directions)
+        if not self.identifiable:
+            lines.append("no parameter was asked about" + (f"; name some of {', '.join(self.known)}" if self.known else ""))
         pivots = [d.pivot for d in self.directions]
         others = [name for d in self.directions for name in d.changes if name not in pivots]
         if others:
@@ -95,7 +97,8 @@ class Identifiability:
         if self.weak:
             lines.append(f"practically hard to tell: {', '.join(self.weak)}")
         if self.unobservable:
-            lines.append(f"unobservable from {outputs}: {', '.join(self.unobservable)}")
+            how = f"from {outputs}" if outputs else "without an output"
+            lines.append(f"unobservable {how}: {', '.join(self.unobservable)}")
         if self.entangled:
             lines.append(f"observable only when the unidentifiable parameters are known: {', '.join(self.entangled)}")
         if not self.clear:
@@ -147,7 +150,8 @@ def identifiability(
     asked_names = [names[i] for i in asked]
     states = [q.name for q in dae.states]
     hidden = [i for i in range(len(asked)) if not told[nx + i]]
-    found = directions([(r, _sizes(dae, e, asked)) for r, e in draws], asked_names, hidden, states)
+    zero = [names[i] for i in asked if numbers[i] == 0.0]
+    found = directions([(r, _sizes(dae, e, asked)) for r, e in draws], asked_names, hidden, states, zero)
     return Identifiability(
         model=dae.name,
         outputs=tuple(dae.outputs[i].name for i in rows),

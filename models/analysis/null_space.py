@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -84,12 +84,14 @@ class Direction:
              the values looked at ("local")
     pivot    the parameter that this direction is solved for: with it known, the direction is gone
     states   states whose initial values change along
+    sizes    nominal sizes of those that are 0, whose "local" changes are relative to that size
     """
 
     changes: Mapping[str, float]
     pivot: str
     kind: Literal["factor", "summand", "local"]
     states: tuple[str, ...] = ()
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         if self.kind == "factor" and all(e == 1.0 for e in self.changes.values()):
@@ -100,7 +102,7 @@ class Direction:
             parts = [f"{name} {'+' if e > 0 else '-'} {_times(abs(e))}c" for name, e in self.changes.items()]
             why = "any summand c leaves the outputs as they are"
         else:
-            parts = [f"{name} {e:+.3g} %" for name, e in self.changes.items()]
+            parts = [f"{n} {e / 100 * self.sizes[n]:+.3g}" if n in self.sizes else f"{n} {e:+.3g} %" for n, e in self.changes.items()]
             why = "such small changes together leave the outputs as they are"
         if len(self.changes) == 1:
             why = f": other initial {', '.join(self.states)} make up for it" if self.states else ""
@@ -110,7 +112,11 @@ class Direction:
 
 
 def directions(
-    draws: Sequence[tuple[Rank, Array]], names: Sequence[str], unidentifiable: Sequence[int], states: Sequence[str]
+    draws: Sequence[tuple[Rank, Array]],
+    names: Sequence[str],
+    unidentifiable: Sequence[int],
+    states: Sequence[str],
+    zero: Collection[str] = (),
 ) -> tuple[Direction, ...]:
     """The null space of the columns [states, names, ...] in directions of few parameters (reduced echelon form).
 
@@ -119,6 +125,7 @@ def directions(
 
     draws  for each experiment the rank of its sensitivities, and the sizes by which the columns of `names` are scaled: the parameters'
            values, so that changes are relative, or something else for those that are zero
+    zero   names of these: they have no factors
     """
     nx = len(states)
     rank, sizes = draws[0]
@@ -136,7 +143,9 @@ def directions(
         for vector, pivot in zip(*_echelon(space), strict=True):
             written = _fractions(vector * sizes / sizes[pivot] if kind == "summand" else vector) if kind != "local" else vector
             changes = {name: float(v) for name, v in zip(names, written, strict=True) if v}
-            out.append(Direction(changes=changes, pivot=names[pivot], kind=kind, states=_along(rank, vector, states)))
+            absent = {name: float(s) for name, s in zip(names, sizes, strict=True) if name in zero and name in changes}
+            shown = "local" if kind == "factor" and absent else kind
+            out.append(Direction(changes=changes, pivot=names[pivot], kind=shown, states=_along(rank, vector, states), sizes=absent))
     return tuple(out)
 
 

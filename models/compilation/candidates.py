@@ -92,7 +92,7 @@ class Candidates:
                 yield min(keys)
         if equation.kind == "equal" and len(held.rates) == 1:
             name = held.rates[0]
-            if name not in self.rate_rows and self._is_safe(held.slopes[f"der({name})"]):
+            if name not in self.rate_rows and self._is_safe(held.slopes[f"der({name})"]) and f"der({name})" not in held.steps:
                 others = [other for other in self._unknowns(held) if other != name]
                 rank = max((self.rank[other] for other in others), default=0) + self.rank[name]
                 own = 0 if name.startswith(f"{equation.component}.") else 1
@@ -115,6 +115,7 @@ class Candidates:
         present = held.symbols.keys()
         unknowns = self._unknowns(held)
         safe = {name for name in unknowns if self._is_safe(held.slopes[name])}
+        safe -= held.steps if safe else set()
         differentiable = (
             not held.rates
             and not present & self.known

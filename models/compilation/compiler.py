@@ -11,23 +11,32 @@ import casadi as ca
 from ..dae import Dae, EquationInfo, ParameterInfo, Place, Quantity
 from ..errors import ModelError, suggestion
 from ..model import Model
-from .eliminate import Eliminator, Reduced, refuse_dropped, standing
+from .eliminate import Eliminator, Reduced
 from .flat import FlatEquation, FlatModel
 from .flatten import flatten
 from .index_reduction import Semi, reduce_index
 from .linear_blocks import solve_linear_blocks
+from .residuals import heirs_of, keep_freedoms, refuse_dropped, standing
+from .rows import steps
 from .singularity import refuse_singular
 from .start_values import carried_over
 from .state_selection import select_states
 from .structure import fault, incidence
 
 SX = Any
+_DRIVE = (
+    "drive its rate, or what causes it (a force, a current), instead, or put what stores something between "
+    "(a compliance, a resistance and a capacitor, a lag)"
+)
 
 
 def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
     """The implicit equations of a model in as few coordinates as its couplings allow.
 
     places  laws of elements that carry a residual besides the balances of the bodies, e.g. ("screw",)
+
+    Within a closed loop a law that is asked for may take the place of the balance of a body: `Dae.merged_places` says what stands for what.
+    Where all balances of a degree of freedom were merged into the law of the joint that it moves in, that law carries a residual unasked.
 
     Raises ModelError for a model that is not connected, not determined, singular, and for a place that does not exist or has no meaning.
     """
@@ -41,47 +50,55 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
         for e in flat.equations
         if e.slot
     }
+    if isinstance(places, str):
+        raise ModelError(f"compile_model(places={places!r}): a text is not a list; write places=[{places!r}]")
     asked = tuple(dict.fromkeys([*places, *model.residuals]))
     for name in asked:
         if name not in available:
             raise ModelError(f"model '{model.name}' has no place '{name}' for a residual; {suggestion(name, available)}")
     slots = {name: ca.SX.sym(f"w[{name}]") for name, place in available.items() if place.enabled or name in asked}
+    system, reduced, slots = keep_freedoms(slots, available, lambda chosen: _reduced(model, flat, chosen))
+    heirs = heirs_of(reduced.merged, system)
+    for name in asked:
+        if name in heirs:
+            raise refuse_dropped(name, heirs[name], available)
+    final = carried_over(model, reduced.flat, reduced.definitions, {s.name() for s in (*system.x, *system.z)})
+    return _assemble(model, final, reduced, system, slots, available)
+
+
+def _reduced(model: Model, flat: FlatModel, slots: Mapping[str, SX]) -> tuple[Semi, Reduced]:
+    """What is left of the flat equations when these places carry a residual."""
     known = set(model.inputs.values())
-    reduced = Eliminator(flat, known, slots, kept={o.variable for o in model.measured.values()}, states=model.states).run()
-    flat = reduced.flat
-    system = _semi(flat, reduced, known)
+    reduced = Eliminator(flat, known, dict(slots), kept={o.variable for o in model.measured.values()}, states=model.states).run()
+    system = _semi(model, reduced.flat, reduced)
     if _deficient(system):
         system = reduce_index(system, flat.time)
         _refuse_differentiated(model, slots, system)
-    refuse_singular(flat, system)
+    refuse_singular(reduced.flat, system)
     if model.states:
-        system = select_states(flat, system, model.states)
+        system = select_states(reduced.flat, system, model.states)
         if system.index > 1:
-            system, reduced = solve_linear_blocks(flat, system, reduced, slots)
-    for name in asked:
-        if name in reduced.merged:
-            raise refuse_dropped(name, reduced.merged)
-    flat = carried_over(model, flat, reduced.definitions, {s.name() for s in (*system.x, *system.z)})
-    return _assemble(model, flat, reduced, system, slots, available)
+            system, reduced = solve_linear_blocks(reduced.flat, system, reduced, slots)
+    return system, reduced
 
 
-def _semi(flat: FlatModel, reduced: Reduced, known: set[str]) -> Semi:
+def _semi(model: Model, flat: FlatModel, reduced: Reduced) -> Semi:
     """Sort the surviving variables into states and algebraics, in order of declaration."""
     held = [{s.name() for s in ca.symvar(e.residual)} for e in reduced.equations]
     present = set().union(*held)
-    for name in sorted(known):
-        if f"der({name})" in present:
-            raise ModelError(
-                f"model '{flat.name}': the input that drives '{name}' would have to be differentiated; drive a force or the "
-                "highest derivative instead"
-            )
+    for name, variable in model.inputs.items():
+        for equation, symbols in zip(reduced.equations, held, strict=True):
+            if f"der({variable})" in symbols:
+                raise ModelError(
+                    f"model '{flat.name}': input '{name}' ('{variable}') would have to be differentiated in '{equation.origin}'; {_DRIVE}"
+                )
     for equation, symbols in zip(reduced.equations, held, strict=True):
         if not symbols:
             raise ModelError(
                 f"model '{flat.name}': '{equation.origin}' says what other equations already say, or contradicts them "
                 f"(it became {equation.residual} = 0); remove one of the rigid couplings or fixed points in that loop"
             )
-    survivors = [name for name in flat.variables if name not in reduced.definitions and name not in known]
+    survivors = [name for name in flat.variables if name not in reduced.definitions and name not in model.inputs.values()]
     states = {name: flat.symbols[name] for name in survivors if f"der({name})" in present}
     return Semi(
         x=list(states.values()),
@@ -99,16 +116,18 @@ def _deficient(system: Semi) -> bool:
     return any(fault(incidence(system.equations, {symbol.name(): i for i, symbol in enumerate(unknown)})))
 
 
-def _refuse_differentiated(model: Model, slots: dict[str, SX], system: Semi) -> None:
-    present = {s.name() for row in system.invariants for s in ca.symvar(row.residual)}
+def _refuse_differentiated(model: Model, slots: Mapping[str, SX], system: Semi) -> None:
+    states = {x.name() for x in system.x}
+    held = [[s.name() for s in ca.symvar(row.residual)] for row in system.invariants]
     for name, variable in model.inputs.items():
-        if variable in present:
+        fixed = dict.fromkeys(x for symbols in held if variable in symbols for x in symbols if x in states)
+        if any(variable in symbols for symbols in held):
             raise ModelError(
-                f"model '{model.name}': input '{name}' ('{variable}') fixes a motion, so it would have to be differentiated; "
-                "drive a force or the highest derivative instead"
+                f"model '{model.name}': input '{name}' ('{variable}') fixes {', '.join(fixed)}, so it would have to be differentiated; "
+                + _DRIVE
             )
     for place, symbol in slots.items():
-        if symbol.name() in present:
+        if any(symbol.name() in symbols for symbols in held):
             raise ModelError(
                 f"place '{place}' can carry no residual: its equation is a constraint on the motion that has to be "
                 "differentiated; choose the balance of a body, or put a compliance there"
@@ -168,7 +187,7 @@ def _assemble(model: Model, flat: FlatModel, reduced: Reduced, system: Semi, slo
         ),
         places=tuple(Place(**{**vars(available[name]), "enabled": True}) for name in kept),
         dormant_places=tuple(Place(**{**vars(place), "enabled": False}) for name, place in available.items() if name not in slots),
-        merged_places=MappingProxyType(standing(reduced.merged)),
+        merged_places=MappingProxyType(standing(heirs_of(reduced.merged, system), kept)),
         residual=_column(residual),
         equations=infos,
         output=_column(variables[o.variable] for o in model.measured.values()),
@@ -226,7 +245,7 @@ def _oriented(residual: SX, equation: FlatEquation, rate_index: Mapping[str, int
     held = [s for s in ca.symvar(residual) if s.name() in rate_index]
     if len(held) == 1:
         slope = ca.jacobian(residual, held[0])
-        if slope.is_constant() and float(slope) == -1.0:
+        if slope.is_constant() and float(slope) == -1.0 and held[0].name() not in steps(residual):
             return held[0] + ca.substitute(residual, held[0], 0)
     return residual
 
@@ -239,5 +258,5 @@ def _kinematic(residual: SX, row: int, x_index: Mapping[str, int], rate_index: M
     if len(symbols) != 2 or len(rates) != 1 or len(states) != 1:
         return None
     slopes = [ca.jacobian(residual, symbol) for symbol in (rates[0], states[0])]
-    exact = all(s.is_constant() for s in slopes) and (float(slopes[0]), float(slopes[1])) == (1.0, -1.0)
+    exact = all(s.is_constant() for s in slopes) and (float(slopes[0]), float(slopes[1])) == (1.0, -1.0) and not steps(residual)
     return (rate_index[rates[0].name()], x_index[states[0].name()], row) if exact else None

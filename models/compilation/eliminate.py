@@ -17,19 +17,30 @@ grows with the number of equations.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any
 
 import casadi as ca
 
-from ..errors import ModelError
 from .candidates import DEFINITION, KEPT, MERGING, RATE, Candidates, place_of
 from .flat import FlatEquation, FlatModel, FlatVariable
 from .rows import Held, Rows
 
 SX = Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heirs:
+    """Where a residual acts whose equation was used up.
+
+    left  origins of the equations that are left, nearest first
+    laws  places of laws that were used up on the way there, then of those of joints that went into the same equations
+    """
+
+    left: tuple[str, ...]
+    laws: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,13 +49,13 @@ class Reduced:
 
     flat         the flat model without the coordinates that were pruned, and with the rates that were made variables instead
     definitions  may name a pruned coordinate
-    merged       place that was dropped -> places of the equations that its force went into
+    merged       place that was dropped -> where its force went
     """
 
     flat: FlatModel
     equations: list[FlatEquation]
     definitions: dict[str, SX]
-    merged: dict[str, list[str]]
+    merged: dict[str, Heirs]
 
 
 class Eliminator:
@@ -68,7 +79,8 @@ class Eliminator:
         self.rate_equations: dict[str, FlatEquation] = {}
         self.watched: dict[str, int] = {}  # definitions kept up to date: those with derivatives, and of what is measured
         self.definitions: dict[str, SX] = {}  # in order of elimination; each may name variables that were eliminated after it
-        self.merged: dict[str, list[str]] = {}
+        self.merged: dict[str, int] = {}  # place that was dropped -> its row
+        self.went: dict[int, list[int]] = {}  # row that was used up -> the rows that held what it was used for
         for i, e in self.equations.items():
             place = place_of(e)
             self.rows.put(i, self._held(e.residual - slots[place] if place in slots else e.residual))
@@ -86,7 +98,7 @@ class Eliminator:
             flat=self.flat,
             equations=[*rate_rows, *(replace(e, residual=self.rows.held[i].value) for i, e in self.equations.items())],
             definitions=self._resolved(),
-            merged=self.merged,
+            merged=self._heirs(),
         )
 
     # --- the four rules
@@ -97,6 +109,7 @@ class Eliminator:
             self._eliminate(i, name)
 
     def _eliminate(self, i: int, name: str) -> None:
+        self._passes_to(i, self.rows.where[name])
         value = self._use(i).solved_for(name)
         new = {name: value}
         held = self._held(value)
@@ -110,16 +123,18 @@ class Eliminator:
     def _rate(self, i: int, name: str) -> None:
         """Use the row as s' = ... in all other rows, and keep it."""
         self.rate_equations[name] = self.equations[i]
-        rate, value = self._derivative(name), self._use(i).solved_for(f"der({name})")
+        rate = self._derivative(name)
+        holders = self.rows.where[rate.name()]
+        value = self._use(i).solved_for(rate.name())
         self.rows.substitute({rate.name(): value})
         self.rate_rows[name] = self._add(self._held(rate - value))
+        self._passes_to(i, {self.rate_rows[name], *holders})
 
     def _merge(self, i: int, name: str) -> None:
         """A balance whose component kept no derivative of its own is solved for a force of constraint."""
         place = place_of(self.equations[i])
         if place in self.slots:
-            others = [place_of(self.equations[j]) for j in sorted(self.rows.where[name] & self.equations.keys()) if j != i]
-            self.merged[place] = [other for other in others if other in self.slots]
+            self.merged[place] = i
             self.rows.put(i, self.rows.held[i].replaced({self.slots[place].name(): ca.SX(0)}))
         self._eliminate(i, name)
 
@@ -146,6 +161,34 @@ class Eliminator:
         return bool(names)
 
     # --- what they share
+
+    def _passes_to(self, i: int, others: Collection[int]) -> None:
+        self.went[i] = sorted(set(others) - {i})
+
+    def _heirs(self) -> dict[str, Heirs]:
+        """Where the residuals of the merged balances act."""
+        kept = {row: self.rate_equations[name] for name, row in self.rate_rows.items()} | self.equations
+        laws = {row: place_of(e) for row, e in enumerate(self.flat.equations) if e.kind == "law" and row in self.went}
+        joints = {name.partition(".")[0] for name, variable in self.flat.variables.items() if variable.rank >= KEPT}
+        of_joints = {row: set(self._way(row)) for row in laws if self.flat.equations[row].component in joints}
+        found = {}
+        for place, i in self.merged.items():
+            way = self._way(i)
+            left = [row for row in way if row in kept]
+            near = [row for row, reached in of_joints.items() if not reached.isdisjoint(left)]
+            passed = dict.fromkeys([*(row for row in way if row in laws), *near])
+            found[place] = Heirs(left=tuple(kept[row].origin for row in left), laws=tuple(laws[row] for row in passed))
+        return found
+
+    def _way(self, i: int) -> list[int]:
+        """Row i and the rows that it went into, nearest first."""
+        way = {i: None}
+        front = [i]
+        for row in front:  # which grows
+            new = [j for j in self.went.get(row, ()) if j not in way]
+            way |= dict.fromkeys(new)
+            front += new
+        return front
 
     def _use(self, i: int) -> Held:
         del self.equations[i]
@@ -207,27 +250,3 @@ class Eliminator:
 def clean(expression: SX) -> SX:
     """The expression without the symbols it does not depend on."""
     return Held(expression).value
-
-
-def standing(merged: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    """For every place that was dropped the first that its force still acts on, through others that were dropped; "" for none."""
-    found = {}
-    for place in merged:
-        front, seen = [place], {place}
-        while front and front[0] in merged:
-            behind = [other for other in merged[front.pop(0)] if other not in seen]
-            front += behind
-            seen.update(behind)
-        found[place] = front[0] if front else ""
-    return found
-
-
-def refuse_dropped(place: str, merged: Mapping[str, Sequence[str]]) -> ModelError:
-    """The error for a place that was asked for and has no row of its own."""
-    other = standing(merged)[place]
-    if not other:
-        return ModelError(f"place '{place}' has no residual: what holds it takes any force there; ask for another place")
-    return ModelError(
-        f"place '{place}' has no residual of its own: it moves rigidly with '{other}', whose residual stands for both; "
-        f"ask for '{other}' instead"
-    )

@@ -6,6 +6,7 @@ variables (Dulmage-Mendelsohn) tells whether the model can determine its variabl
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -15,7 +16,9 @@ from ..errors import ModelError, suggestion
 from ..language import Component, Connector, Equation, Parameter, Signal, SignalOutput, Variable
 from ..model import Model
 from .flat import FlatEquation, FlatModel, FlatVariable, connection_sets
-from .signal_flow import signal_equations, signal_units
+from .grounds import refuse_floating
+from .refusals import declared_equations, is_finite, refuse_ambiguous
+from .signal_flow import in_units, law_unit, signal_equations, signal_units
 from .structure import determination
 
 SX = Any
@@ -95,13 +98,17 @@ class _Table:
 def flatten(model: Model) -> FlatModel:
     """The flat equations of a model.
 
-    Raises ModelError for a flange that is not connected, and for a model with too many or too few equations (naming those at fault).
+    Raises ModelError for a flange that is not connected, a circuit without a ground, and a model with too many or too few equations (naming
+    those at fault).
     """
+    refuse_ambiguous(model)
     table = _Table()
     equations: list[FlatEquation] = []
     parameters, scopes = _symbols(model, table)
     for name, component in model.components.items():
-        equations += _component_equations(name, component, component.equations(scopes[name]))
+        own = list(_component_equations(name, component, declared_equations(name, component, scopes[name]), table))
+        _keep_states(name, component, own, table)
+        equations += own
     equations += _connection_equations(model, table)
     flat = FlatModel(
         name=model.name,
@@ -112,6 +119,7 @@ def flatten(model: Model) -> FlatModel:
         time=table.time,
         equations=[*equations, *table.auxiliary],
     )
+    refuse_floating(model, flat)
     determination(flat, set(model.inputs.values()))
     return flat
 
@@ -127,7 +135,7 @@ def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, fl
         for word, parameter in component.declared_parameters.items():
             path = f"{name}.{word}"
             if path not in model.bindings:
-                parameters[path] = (parameter, component.parameters[word], ca.SX.sym(path))
+                parameters[path] = (in_units(name, component, parameter, units), component.parameters[word], ca.SX.sym(path))
             names[word] = table.parameters[path] = parameters[model.bindings.get(path, path)][2]
         for word, variable in component.declared_variables.items():
             rank = 3 if variable.preferred else 2 if variable.state else 1
@@ -165,7 +173,16 @@ def _connector_symbols(model: Model, table: _Table, path: str, connector: Connec
             yield word, table.add(FlatVariable(name=name, unit=unit, rank=0, start=model.start.get(name, 0.0)))
 
 
-def _component_equations(name: str, component: Any, declared: object) -> Iterator[FlatEquation]:
+def _keep_states(name: str, component: Component, equations: list[FlatEquation], table: _Table) -> None:
+    """Signal outputs that their component differentiates are states of it: they keep their names before what they drive."""
+    held = {s.name() for e in equations for s in ca.symvar(e.residual)}
+    for word, signal in component.declared_signals.items():
+        path = f"{name}.{word}"
+        if isinstance(signal, SignalOutput) and f"der({path})" in held:
+            table.variables[path] = dataclasses.replace(table.variables[path], rank=2)
+
+
+def _component_equations(name: str, component: Any, declared: object, table: _Table) -> Iterator[FlatEquation]:
     kind = type(component).__name__
     if not isinstance(declared, dict):
         raise ModelError(f"{kind} '{name}': equations() must return a dictionary of named equations, not {type(declared).__name__}")
@@ -179,13 +196,19 @@ def _component_equations(name: str, component: Any, declared: object) -> Iterato
         residual = ca.SX(equation.left) - ca.SX(equation.right)
         if residual.shape != (1, 1):
             raise ModelError(f"{kind} '{name}': equation '{title}' has shape {residual.shape}; write one scalar equation per name")
+        if not is_finite(residual):
+            raise ModelError(
+                f"{kind} '{name}': equation '{title}' holds a number that is not finite; use casadi's functions on symbols "
+                "(from casadi import sin, sqrt), not those of math, and divide by nothing that is zero"
+            )
         slot = None
         if equation.kind != "equal":
             place = f"{name}.{equation.place}" if equation.place else name
             if place in places:
                 raise ModelError(f"{kind} '{name}': equation '{title}' is the second at place '{place}'; tell them apart by place=...")
             places.add(place)
-            slot = (place, equation.unit or unit)
+            taken = unit or law_unit(name, component, equation.left, table.variables)
+            slot = (place, taken if equation.unit is None else equation.unit)
         yield FlatEquation(residual=residual, name=title, component=name, kind=equation.kind, slot=slot)
 
 

@@ -15,6 +15,7 @@ import casadi as ca
 from ..errors import ModelError
 from .eliminate import clean
 from .flat import FlatEquation
+from .rows import steps
 from .structure import fault, incidence
 
 SX = Any
@@ -44,7 +45,7 @@ def kinematics(system: Semi) -> dict[str, tuple[int, SX]]:
         if equation.kind != "equal" or len(own) != 1 or sum(own[0] in other for other in held) > 1:
             continue
         slope = ca.jacobian(equation.residual, symbols[own[0]])
-        if slope.is_constant():
+        if slope.is_constant() and own[0] not in steps(equation.residual):
             found[rates[own[0]]] = i, -ca.substitute(equation.residual, symbols[own[0]], 0) / slope
     return found
 

@@ -11,6 +11,7 @@ as well, but for balances of bodies that move with others: such a force of const
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,9 +20,10 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from .eliminate import Reduced
+from .eliminate import Heirs, Reduced
 from .flat import FlatEquation, FlatModel
 from .index_reduction import Semi
+from .rows import steps
 from .state_selection import regular
 from .structure import incidence
 
@@ -29,7 +31,7 @@ SX = Any
 LARGEST = 4
 
 
-def solve_linear_blocks(flat: FlatModel, system: Semi, reduced: Reduced, slots: dict[str, SX]) -> tuple[Semi, Reduced]:
+def solve_linear_blocks(flat: FlatModel, system: Semi, reduced: Reduced, slots: Mapping[str, SX]) -> tuple[Semi, Reduced]:
     """The system without the algebraics of its small linear blocks, which join the definitions. `slots` are the residuals w by place."""
     mate = _matching(system, slots)
     rows, z = list(system.equations), system.z
@@ -43,14 +45,14 @@ def solve_linear_blocks(flat: FlatModel, system: Semi, reduced: Reduced, slots: 
         if places:
             left = ca.substitute(left, ca.vertcat(*(slots[place] for place in places)), ca.DM.zeros(len(places)))
         matrix = ca.jacobian(left, y)
-        if len(block) > LARGEST or ca.depends_on(matrix, y) or not regular(flat, matrix):
+        if len(block) > LARGEST or ca.depends_on(matrix, y) or steps(left) & {z[j].name() for j in block} or not regular(flat, matrix):
             continue
         value = -ca.mtimes(ca.inv_minor(ca.densify(matrix)), ca.substitute(left, y, ca.DM.zeros(len(block))))
         definitions |= dict(zip((z[j].name() for j in block), ca.vertsplit(value), strict=True))
         used.update(own)
         touched = [i for i, row in enumerate(rows) if i not in used and _names(row) & {z[j].name() for j in block}]
-        heirs = [place for i in touched if (place := _place(rows[i], slots))]
-        merged |= dict.fromkeys(places, heirs)
+        new = {place: Heirs(left=(rows[i].origin,)) for i in own if (place := _place(rows[i], slots))}
+        merged = _passed_on(merged | new, [rows[i] for i in own], [rows[i] for i in touched])
         for i in touched:
             rows[i] = replace(rows[i], residual=ca.substitute(rows[i].residual, y, value))
     solved = [s for s in z if s.name() in definitions]
@@ -63,7 +65,19 @@ def solve_linear_blocks(flat: FlatModel, system: Semi, reduced: Reduced, slots: 
     return left_over, replace(reduced, definitions=known, merged=merged)
 
 
-def _matching(system: Semi, slots: dict[str, SX]) -> dict[int, int]:
+def _passed_on(merged: Mapping[str, Heirs], used: Sequence[FlatEquation], touched: Sequence[FlatEquation]) -> dict[str, Heirs]:
+    """`merged` after the equations `used` went into those that were `touched`."""
+    gone, new = {row.origin for row in used}, tuple(row.origin for row in touched)
+    laws = tuple(row.slot[0] for row in used if row.slot and row.kind == "law")
+    return {
+        place: heirs
+        if gone.isdisjoint(heirs.left)
+        else Heirs(left=tuple(dict.fromkeys([*(o for o in heirs.left if o not in gone), *new])), laws=(*heirs.laws, *laws))
+        for place, heirs in merged.items()
+    }
+
+
+def _matching(system: Semi, slots: Mapping[str, SX]) -> dict[int, int]:
     """Algebraic -> equation by augmenting paths, equations in order of preference: without x', with x', balances that are not needed."""
     rates = {dx.name() for dx in system.dx}
     owners = {x.name().partition(".")[0] for x in system.x}
@@ -118,7 +132,7 @@ def _blocks(system: Semi, mate: dict[int, int]) -> list[list[int]]:
     return order
 
 
-def _place(row: FlatEquation, slots: dict[str, SX]) -> str:
+def _place(row: FlatEquation, slots: Mapping[str, SX]) -> str:
     """The place whose residual the row carries, "" for none."""
     return row.slot[0] if row.slot and row.slot[0] in slots else ""
 

@@ -8,12 +8,15 @@ a train of n gears would otherwise hold n products of up to n ratios.
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import or_
 from typing import Any
 
 import casadi as ca
 
 SX = Any
+_RELATIONS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO}
+_STEPPING = _RELATIONS | {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN}
 
 
 class Held:
@@ -24,11 +27,18 @@ class Held:
 
     def __init__(self, value: SX, fixed: Container[str] = ()) -> None:
         symbols, slopes = _slopes(value, fixed)
-        idle = [symbols.pop(name) for name, slope in slopes.items() if slope.is_zero() and not _steps(value, symbols[name])]
+        flat = [name for name, slope in slopes.items() if slope.is_zero()]
+        stepping = steps(value) if flat else set()
+        idle = [symbols.pop(name) for name in flat if name not in stepping]
         if idle:
             value = ca.substitute(value, ca.vertcat(*idle), ca.DM.zeros(len(idle)))
             symbols, slopes = _slopes(value, fixed)
         self.value, self.symbols, self.slopes, self.fixed = value, symbols, slopes, fixed
+
+    @cached_property
+    def steps(self) -> set[str]:
+        """The symbols in which the value steps, sgn(v): it is affine in none of them, whatever its slope."""
+        return steps(self.value)
 
     @cached_property
     def rates(self) -> list[str]:
@@ -44,15 +54,36 @@ class Held:
         return Held(ca.substitute(self.value, old, ca.vertcat(*(new[name] for name in names))), self.fixed)
 
     def solved_for(self, name: str) -> SX:
-        """0 = c v + e as v = -e/c."""
+        """0 = c v + e as v = -e/c, for a v in which the value does not step."""
         return -ca.substitute(self.value, self.symbols[name], 0) / self.slopes[name]
 
 
-def _steps(value: SX, symbol: SX) -> bool:
-    """Whether the value depends on a symbol by steps, sgn(v): its slope is zero and it matters all the same."""
-    node = ca.Function("node", [ca.vertcat(*ca.symvar(value))], [value])
-    stepping = (ca.OP_SIGN, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FLOOR, ca.OP_CEIL)
-    return any(node.instruction_id(i) in stepping for i in range(node.n_instructions())) and ca.depends_on(value, symbol)
+def steps(value: SX) -> set[str]:
+    """The names of the symbols in which a value steps: their derivative says nothing of what sgn(v), a comparison or a rounding does."""
+    symbols = ca.symvar(value)
+    node = ca.Function("node", [ca.vertcat(*symbols)], [ca.SX(value)])
+    operations = [node.instruction_id(i) for i in range(node.n_instructions())]
+    if not _STEPPING & set(operations):
+        return set()
+    held: dict[int, int] = {}  # work place -> bits of the symbols that it depends on
+    stepped: dict[int, int] = {}  # and of those that it steps in
+    found = 0
+    for i, operation in enumerate(operations):
+        into, out = node.instruction_input(i), node.instruction_output(i)
+        if operation == ca.OP_INPUT:
+            held[out[0]], stepped[out[0]] = 1 << into[1], 0
+        elif operation == ca.OP_CONST:
+            held[out[0]], stepped[out[0]] = 0, 0
+        elif operation == ca.OP_OUTPUT:
+            found |= stepped[into[0]]
+        else:
+            every, by_steps = (reduce(or_, (bits[k] for k in into), 0) for bits in (held, stepped))
+            if operation == ca.OP_IF_ELSE_ZERO:
+                by_steps |= held[into[0]]
+            elif operation in _STEPPING:
+                by_steps = every
+            held[out[0]], stepped[out[0]] = every, by_steps
+    return {symbol.name() for k, symbol in enumerate(symbols) if found >> k & 1}
 
 
 def _slopes(value: SX, fixed: Container[str]) -> tuple[dict[str, SX], dict[str, SX]]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
+import casadi as ca
+
 from ..errors import ModelError
-from ..language import Connector, SignalInput, SignalOutput, Variable
+from ..language import Component, Connector, Parameter, SignalInput, SignalOutput, Variable
 from ..model import Model
-from .flat import FlatEquation, connection_sets
+from .flat import FlatEquation, FlatVariable, connection_sets
 
 SX = Any
 
@@ -33,6 +36,30 @@ def signal_units(model: Model) -> dict[str, str]:
                     units[path] = next(iter(known))
         if units == before:
             return units
+
+
+def common_unit(name: str, component: Component, units: Mapping[str, str]) -> str:
+    """The unit of all signals of a block, "" where they differ or the component has flanges."""
+    own = {units[f"{name}.{word}"] for word in component.declared_signals}
+    return own.pop() if len(own) == 1 and not component.converts_units and not component.declared_connectors else ""
+
+
+def in_units(name: str, component: Component, parameter: Parameter, units: Mapping[str, str]) -> Parameter:
+    """A parameter of a block with its unit: a blank one is that of the signals, and one that begins with "/" is theirs over the rest."""
+    if parameter.unit and not parameter.unit.startswith("/"):
+        return parameter
+    return replace(parameter, unit=common_unit(name, component, units) + parameter.unit)
+
+
+def law_unit(name: str, component: Component, left: SX, variables: Mapping[str, FlatVariable]) -> str:
+    """The unit of a block's law: that of its left side where this is a variable or its derivative, else that of the signals."""
+    left = ca.SX(left)
+    symbol = left.name() if left.is_symbolic() else ""
+    of = symbol.removeprefix("der(").removesuffix(")")
+    if of in variables:
+        unit = variables[of].unit
+        return f"{unit}/s" if unit and of != symbol else unit
+    return common_unit(name, component, {path: v.unit for path, v in variables.items()})
 
 
 def signal_equations(model: Model, symbols: Mapping[str, SX], sets: list[list[str]]) -> Iterator[FlatEquation]:

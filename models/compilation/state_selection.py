@@ -67,6 +67,11 @@ def _miscounted(
     number = free // share
     lack, are = number - len(named), "is" if number == 1 else "are"
     remedy = f"name {lack} more of {', '.join(spare)}" if lack > 0 else f"leave out {-lack} of them"
+    if number == 0:
+        return ModelError(
+            f"model '{flat.name}': states = ({', '.join(wanted)}): the closed loops leave none of the {what} {', '.join(every)} free; "
+            "remove a coupling that says the same twice, or name no states"
+        )
     return ModelError(
         f"model '{flat.name}': states = ({', '.join(wanted)}) names {len(named)} of the {what} in closed loops ({', '.join(every)}), "
         f"of which {number} {are} independent; {remedy}"

@@ -64,4 +64,4 @@ class TorqueMotor(Component):
     K = Parameter("N.m/A", 1.0, description="torque per current")
 
     def equations(self, c: Any) -> dict[str, Equation]:
-        return {"torque": law(c.flange.tau, -c.K * c.i)}
+        return {"torque": law(-c.flange.tau, c.K * c.i)}

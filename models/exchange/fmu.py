@@ -20,7 +20,7 @@ import casadi as ca
 
 from ..compilation.compiler import compile_model
 from ..dae import Dae, Quantity
-from ..errors import InputError, SolveError
+from ..errors import InputError, ModelError, SolveError
 from ..model import Model
 
 MX = Any
@@ -33,12 +33,14 @@ def export_fmu(model: Model | Dae, path: str | Path, *, binary: bool | None = No
     zero; widths that round corners keep their defaults.
     binary  True: with the compiled code of this machine, False: without, None: with it where a C compiler and the extra `fmu` are there
 
-    Raises InputError for a path that does not end in .fmu or has no folder, and when a binary is asked for and cannot be made.
+    Raises InputError for a path that does not end in .fmu or has no folder, and when a binary is asked for and cannot be made; ModelError
+    for a model with constraints between its states, and for an output named like another quantity.
     """
     target = Path(path).absolute()
     if target.suffix != ".fmu" or not target.parent.is_dir():
         raise InputError(f"export_fmu(path='{path}'): the path ends in .fmu and its folder exists; change it")
     dae = model if isinstance(model, Dae) else compile_model(model)
+    _refuse(dae)
     builder = _builder(dae)
     headers = _headers()
     compiler = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
@@ -53,6 +55,22 @@ def export_fmu(model: Model | Dae, path: str | Path, *, binary: bool | None = No
         packed = builder.pack_fmu(files, {"path": "packed.fmu"})
         shutil.move(folder / packed, target)
     return target
+
+
+def _refuse(dae: Dae) -> None:
+    """What an FMU cannot hold: constraints between states, which an importer would not keep, and two quantities of one name."""
+    if dae.invariants.shape[0]:
+        raise ModelError(
+            f"export_fmu: '{dae.name}' has {dae.invariants.shape[0]} constraints between its states "
+            f"({', '.join(q.name for q in dae.states)}), which an FMU cannot keep; name the independent coordinates: Model(states=...)"
+        )
+    taken = {q.name: "a state" for q in dae.states} | {q.name: "an algebraic variable" for q in dae.algebraics}
+    taken |= {q.name: "an input" for q in dae.inputs} | {q.name: "a parameter" for q in dae.parameters}
+    for q in dae.outputs:
+        if q.name in taken:
+            raise ModelError(
+                f"export_fmu: output '{q.name}' of '{dae.name}' has the name of {taken[q.name]}; give it another in Model(outputs=...)"
+            )
 
 
 def _builder(dae: Dae) -> Any:

@@ -90,7 +90,7 @@ class Drift(Component):
 
     u = SignalInput()
     y = SignalOutput()
-    rate = Parameter("", 0.0, description="growth of the error per second")
+    rate = Parameter("/s", 0.0, description="growth of the error per second")
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {"drift": equal(c.y, c.u + c.rate * c.time)}

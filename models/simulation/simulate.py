@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compilation.start_values import of_states
 from ..dae import Dae
 from ..errors import ModelError, suggestion
 from .consistent import finite, initial_states
@@ -53,7 +54,8 @@ def simulate(
 
     inputs      name -> (n,) or a constant: the input of sample k is held from t_k to t_k+1 ("zero"), or joined by straight lines ("linear")
     parameters  values that replace the defaults; smoothing widths are 1e-5 of their defaults unless given here
-    initial     values of states (and algebraics, as a guess) at t_0; the others start at their start value, zero unless declared
+    initial     values of states (and algebraics, as a guess) at t_0, or of variables that are a multiple of one, plus a constant; the
+                others start at their start value, zero unless declared
     rtol        local error per step relative to the largest value of each state so far
     integrator  "radau": `radau` with events; "idas" and "cvodes" (no algebraic variables): SUNDIALS, to compare, without events
 
@@ -77,7 +79,7 @@ def simulate(
     values = sharp_values(dae, given)
     if hold not in ("zero", "linear"):
         raise ModelError(f"hold = {hold!r}: an input is held 'zero' or 'linear' between samples; choose one of them")
-    x, z = initial_states(dae, initial or {}, values, u[:, 0], times[0])
+    x, z = initial_states(dae, of_states(dae, initial or {}, values), values, u[:, 0], times[0])
     slopes = np.diff(u, axis=1) / np.diff(times) if hold == "linear" else np.zeros((u.shape[0], len(times) - 1))
     if integrator not in ("radau", "idas", "cvodes"):
         raise ModelError(f"integrator = {integrator!r}: there are 'radau', 'idas' and 'cvodes'; choose one of them")

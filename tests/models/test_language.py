@@ -113,3 +113,26 @@ class NoEquation(Component):
 def test_a_component_written_wrongly_is_refused_by_name(component: Component, text: str) -> None:
     with pytest.raises(ModelError, match=text):
         compile_model(Model(name="m", components={"a": component}))
+
+
+@pytest.mark.parametrize(
+    ("parameter", "error", "text"),
+    [
+        (Parameter("N/m", -1.0, min=0.0), ModelError, r"Bad\.k = Parameter\(default=-1\.0\): the value must lie between 0 and inf N/m"),
+        (Parameter("N/m", math.nan), ModelError, r"Bad\.k = Parameter\(default=nan\): the value must be finite"),
+        (Parameter("N/m", "1"), TypeError, r"Bad\.k = Parameter\(default='1'\): a parameter value is a number"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_default_outside_its_own_bounds_is_refused_with_the_class(parameter: Parameter, error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        type("Bad", (Component,), {"k": parameter})
+
+
+def test_one_parameter_under_two_names_is_refused() -> None:
+    shared = Parameter("N/m", 2.0)
+    with pytest.raises(
+        ModelError, match=r"Two\.k_2: the same Parameter\(\.\.\.\) is already called 'k_1'; write Parameter\(\.\.\.\) again"
+    ):
+        type("Two", (Component,), {"k_1": shared, "k_2": shared})
+    again = type("Again", (Component,), {"k_1": shared})
+    assert again(k_1=5.0).k_1 == 5.0

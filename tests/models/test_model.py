@@ -6,10 +6,11 @@ from typing import Any
 
 import pytest
 
-from backsight.models import Model, ModelError, Output, compile_model
-from backsight.models.mechanics.rotational import Inertia, RotationalDamper
-from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Rigid, Spring
-from backsight.models.plants import actuator
+from backsight.models import Model, ModelError, Output, Parameter, compile_model
+from backsight.models.mechanics.rotational import EccentricRack, Inertia, Rack, RotationalDamper
+from backsight.models.mechanics.translational import AddedMass, Damper, Fixed, Force, Mass, PositionSensor, Rigid, Spring
+from backsight.models.plants import actuator, five_bar, quadrotor, xy_table
+from backsight.models.signals import Lag, Sine
 
 
 def axis(**changes: Any) -> Model:
@@ -136,7 +137,9 @@ def test_wrong_edits_are_refused_with_the_remedy() -> None:
         model.without("motor")
     with pytest.raises(ModelError, match=r"output 'x' is its variable 'encoder.s'"):
         model.without("encoder")
-    with pytest.raises(ModelError, match=r"'screw.flange_a' is no connector of Mass 'screw'"):
+    with pytest.raises(
+        ModelError, match=r"replace\('screw', Mass\(...\)\): the model connects 'screw.flange_a' of Rigid 'screw', which Mass lacks"
+    ):
         model.replace("screw", Mass())
     with pytest.raises(ModelError, match=r"no component 'spindle'"):
         model.without("spindle")
@@ -145,3 +148,99 @@ def test_wrong_edits_are_refused_with_the_remedy() -> None:
 def test_a_rigid_place_may_be_left_in_series_and_parallel() -> None:
     model = axis().insert("motor.flange", Rigid().with_values(), name="twin")
     assert "ground" in model.components
+
+
+def test_models_that_differ_in_the_order_of_parts_or_signals_are_different() -> None:
+    model = axis(outputs={"x": "body.s", "v": "body.v"})
+    assert model == axis(outputs={"x": "body.s", "v": "body.v"})
+    assert model != axis(outputs={"v": "body.v", "x": "body.s"})
+    turned = axis(components={"body": Mass(m=2.0), "motor": Force()}, outputs={"x": "body.s", "v": "body.v"})
+    assert model != turned
+    assert len({model, turned, axis(outputs={"x": "body.s", "v": "body.v"})}) == 2
+
+
+def test_a_value_of_a_bound_parameter_is_refused_with_the_parameter_to_set() -> None:
+    with pytest.raises(ModelError, match=r"link_12\.J is bound to P_1; use with_values\(P_1=\.\.\.\)"):
+        five_bar().with_values(link_12={"J": 1.0})
+    with pytest.raises(ModelError, match=r'rotor_1\.tau is bound to rotor\.tau; use with_values\(\*\*\{"rotor\.tau": \.\.\.\}\)'):
+        quadrotor().with_values(rotor_1={"tau": 1.0})
+    with pytest.raises(ModelError, match=r"wheel_1\.r is bound to r, so its value 0\.02 would have no effect"):
+        xy_table().replace("wheel_1", EccentricRack(r=0.02))
+    for same in (EccentricRack(), EccentricRack(r=0.010, amplitude=1e-4)):
+        assert xy_table().replace("wheel_1", same).bindings["wheel_1.r"] == "r"
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (-5.0, ModelError, r"with_values\(P_1=-5\.0\): the value must lie between 0 and inf kg\.m2"),
+        (float("nan"), ModelError, r"with_values\(P_1=nan\): the value must be finite"),
+        (True, TypeError, r"with_values\(P_1=True\): a parameter value is a number \[kg\.m2\], not bool"),
+        ("x", TypeError, r"with_values\(P_1='x'\): a parameter value is a number \[kg\.m2\], not str"),
+    ],
+)
+def test_a_value_of_the_models_own_parameter_is_checked(value: Any, error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        five_bar().with_values(P_1=value)
+
+
+def test_a_parameter_of_the_model_respects_its_own_bounds_and_those_of_the_component() -> None:
+    with pytest.raises(ModelError, match=r"parameter 'M' of model 'axis': Parameter\(default=9\): the value must lie between 0 and 5 kg"):
+        axis(parameters={"M": Parameter("kg", 9, max=5.0, min=0.0)})
+    with pytest.raises(ModelError, match=r"parameter 'M' of model 'axis', which is body\.m: the value must lie between 0 and inf kg"):
+        axis(parameters={"M": Parameter("kg", -1.0)}, bindings={"body.m": "M"})
+
+
+@pytest.mark.parametrize("std", [-1.0, 0.0, float("nan"), float("inf"), True, "x"])
+def test_a_noise_that_is_no_positive_number_is_refused(std: Any) -> None:
+    with pytest.raises(ModelError, match=r"Output\('body\.s', noise_std=.*\): a standard deviation is a positive number"):
+        Output("body.s", noise_std=std)
+
+
+@pytest.mark.parametrize("place", ["input:I_x", "input:I_y", "sensor:x_r", "sensor:ax_r"])
+def test_without_undoes_insert_of_a_block(place: str) -> None:
+    base = xy_table()
+    once = base.insert(place, Lag(tau=0.1), "first")
+    twice = once.insert(place, Lag(tau=0.2), "second")
+    assert once.without("first") == base
+    assert twice.without("second") == once
+    assert twice.without("first") == base.insert(place, Lag(tau=0.2), "second")
+
+
+def test_without_joins_what_a_block_stood_between() -> None:
+    model = axis(
+        components={"motor": Force(), "lag": Lag(), "sine": Sine(), "body": Mass()},
+        connections=[("sine.y", "lag.u"), ("lag.y", "motor.f"), ("motor.flange", "body.flange")],
+        inputs={},
+        outputs={"F": "lag.y"},
+    ).without("lag")
+    assert model.connections == (("sine.y", "motor.f"), ("motor.flange", "body.flange"))
+    assert model.outputs["F"].variable == "sine.y"
+
+
+def test_replace_keeps_what_the_new_component_has_and_lets_go_of_the_rest() -> None:
+    model = axis(start={"body.s": 1.0, "body.v": 2.0}, states=("body.v",), outputs={})
+    gone = model.replace("body", AddedMass(m=1.0))
+    assert dict(gone.start) == {"body.v": 2.0}
+    assert gone.states == ("body.v",)
+    assert model.replace("body", Mass(m=3.0)).start == model.start
+    with pytest.raises(
+        ModelError, match=r"replace\('body', AddedMass\(\.\.\.\)\): output 'x' measures 'body\.s' of Mass 'body', which AddedMass lacks"
+    ):
+        axis().replace("body", AddedMass())
+
+
+def test_a_component_between_two_kinds_of_flanges_is_to_be_connected_on_both_sides() -> None:
+    with pytest.raises(ModelError, match=r"Rack has Rotational and Translational flanges.*add it to components and connect both sides"):
+        xy_table().insert("drive_1", Rack())
+
+
+@pytest.mark.parametrize("word", ["states", "residuals"])
+def test_a_text_where_a_list_of_names_belongs_is_refused(word: str) -> None:
+    with pytest.raises(ModelError, match=rf"{word} = 'body' is a text, not a list; write \[\.\.\.\] even for one"):
+        axis(**{word: "body"})
+
+
+def test_a_single_place_is_given_in_a_list() -> None:
+    with pytest.raises(ModelError, match=r"compile_model\(places='screw'\): a text is not a list; write places=\['screw'\]"):
+        compile_model(actuator(), places="screw")

@@ -200,7 +200,7 @@ def test_start_values_that_contradict_each_other_are_refused() -> None:
 def test_a_start_value_of_what_follows_from_several_states_is_refused_with_their_names() -> None:
     model = replace(bound(), start={"left.s_rel": 0.3})
     assert simulate(compile_model(model), [0.0], {"F": 0.0}).outputs["x"][0] == pytest.approx(0.3)
-    with pytest.raises(ModelError, match=r"start 'motor\.flange\.f' = 1: 'motor\.flange\.f' follows from motor\.f "):
+    with pytest.raises(ModelError, match=r"'motor\.flange\.f' follows from motor\.f \(.*\), without a start value; leave it out$"):
         compile_model(replace(axis(), start={"motor.flange.f": 1.0}))
 
 

@@ -26,10 +26,60 @@ a, b, c = ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("c")
         (a**2.5 + 1.5, "a^2.5 + 1.5"),
         (ca.atan2(a, b), "atan2(a, b)"),
         (a - 0.25, "a - 0.25"),
+        (1 / a, "1/a"),
+        (b + 1 / a, "b + 1/a"),
+        (1 / (a * b), "1/(a*b)"),
+        (a ** (1 / b), "a^(1/b)"),
+        ((1 / a) ** 2, "(1/a)^2"),
+        (a**-2, "1/a^2"),
+        (a**-2.5, "a^(-2.5)"),
+        (-(a**2), "-a^2"),
+        (2 * (a + b), "2*(a + b)"),
+        (ca.sqrt(a) / b, "sqrt(a)/b"),
     ],
 )
 def test_an_expression_reads_without_needless_brackets(expression: ca.SX, text: str) -> None:
     assert expression_text(expression) == text
+
+
+_ONE = (
+    "sin",
+    "cos",
+    "tan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asinh",
+    "atan",
+    "exp",
+    "expm1",
+    "erf",
+    "fabs",
+    "floor",
+    "ceil",
+    "sign",
+    "sqrt",
+    "log",
+    "log1p",
+    "asin",
+    "acos",
+    "atanh",
+    "erfinv",
+    "acosh",
+)
+_TWO = ("fmin", "fmax", "atan2", "hypot", "fmod", "remainder", "copysign")
+
+
+@pytest.mark.parametrize("name", _ONE)
+def test_a_function_of_something_that_is_used_twice_is_called_by_its_name(name: str) -> None:
+    inner = a + b
+    assert expression_text(getattr(ca, name)(inner) * inner) == f"{name}(a + b)*(a + b)"
+
+
+@pytest.mark.parametrize("name", _TWO)
+def test_a_function_of_two_is_called_by_its_name(name: str) -> None:
+    both = getattr(ca, name)(a * b, c)
+    assert expression_text(both + c * both) == f"{name}(a*b, c) + c*{name}(a*b, c)"
 
 
 def test_the_balance_of_the_axis_reads_like_the_textbook() -> None:

@@ -90,7 +90,11 @@ class Translator:
     def _if(self, body: Tree) -> SX:
         value = self(body["else_branch"])
         for condition, branch in reversed(body["branches"]):
-            value = ca.if_else(self(condition), self(branch), value)
+            when = ca.SX(self(condition))
+            if not when.is_constant():
+                value = ca.if_else(when, self(branch), value)
+            elif float(when):
+                value = self(branch)
         return value
 
     def _builtincall(self, body: Tree) -> SX:

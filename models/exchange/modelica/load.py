@@ -21,9 +21,10 @@ def load_modelica(file: str | Path, name: str) -> Model:
     """The model of the class `name` ("Package.Class") in a Modelica file.
 
     Libraries are looked for in the folders of the environment variable MODELICAPATH. Top-level inputs and outputs become the model's inputs
-    and outputs, parameters without a binding expression its parameters; array elements and arrays of components are written mass_1, z_2.
-    Raises InputError for a missing file or compiler, ModelError for what the compiler refuses or what is not continuous (when, algorithms,
-    discrete variables).
+    and outputs, real parameters without a binding expression its parameters; whole and logical numbers stay what the text says. Array
+    elements and arrays of components are written mass_1, z_2. An initial equation x = 5 is a start value.
+    Raises InputError for a missing file or compiler, ModelError for what the compiler refuses, what has no value, and what is not
+    continuous (when, algorithms, discrete variables).
     """
     if not name:
         raise InputError(f'"{Path(file).name}" names no class; write "{Path(file).name}:Class"')

@@ -19,7 +19,10 @@ from ...connectors import Electrical, Rotational, Translational
 from ...errors import ModelError
 from ...language import Component, Connector, Equation, Pair, Parameter, Variable
 from ...model import Model
+from .arrays import elements
+from .balances import balanced, oriented, unit_of_terms
 from .expressions import Translator, number
+from .loops import unrolled
 from .trees import Tree, definition_of_rate, derivatives, name_of, plain, reference, references, spans
 
 _REFUSED = ("algorithms", "when_chains", "initial_algorithms")
@@ -38,7 +41,13 @@ class Part(Component):
     def equations(self, c: Any) -> dict[str, Equation]:
         own = json.loads(self.specification)
         translate = Translator(c.at, lambda e: c.der(e), own["functions"], c.time)
-        return {title: Equation(translate(tree), ca.SX(0), kind, place, unit) for title, kind, place, unit, tree in own["equations"]}
+        found = {}
+        for title, kind, place, unit, tree in own["equations"]:
+            try:
+                found[title] = Equation(translate(tree), ca.SX(0), kind, place, unit)
+            except ModelError as error:
+                raise ModelError(f"{own['doc']}: '{title}': {error}") from None
+        return found
 
 
 @functools.lru_cache(maxsize=256)
@@ -85,39 +94,79 @@ class _Assembly:
         for refused in _REFUSED:
             if flat[refused]:
                 raise ModelError(f"Modelica class '{class_name}' has {refused.replace('_', ' ')}: only continuous equations are supported")
-        self.flat, self.texts, self.class_name = flat, texts, class_name
-        for k, equation in enumerate(flat["equations"]):
+        self.flat, self.texts, self.class_name = {**flat, "equations": unrolled(flat)}, texts, class_name
+        for k, equation in enumerate(self.flat["equations"]):
             if equation["scalar_count"] != 1:
-                title = self._title(equation, k)
+                title = self._title(equation, k + 1)
                 raise ModelError(
                     f"Modelica class '{class_name}': '{title}' is an equation of arrays; write it with scalars, or in a for loop"
                 )
         self.own = re.sub(r"\W", "_", class_name.rpartition(".")[2])
+        self.declared = self._declared()
         self.parameters, self.fixed = self._parameters()
         self.variables = self._variables()
+        self.start = self._start()
         self.connectors = self._connectors()
         self.connections, self.handled = self._connections()
         self.rates = self._rates()
 
     # --- what the class declares
 
+    def _declared(self) -> dict[str, Tree]:
+        """All scalar variables and parameters by their names here."""
+        found: dict[str, Tree] = {}
+        origin: dict[str, str] = {}
+        for name, declared in self.flat["variables"].items():
+            try:
+                scalars = dict(elements(name, declared))
+            except ModelError as error:
+                raise self._error(str(error)) from None
+            for scalar, own in scalars.items():
+                if scalar in found:
+                    raise self._error(f"'{origin[scalar]}' and '{name}' would both be called '{scalar}' here; rename one of them")
+                found[scalar], origin[scalar] = own, name
+        return found
+
     def _parameters(self) -> tuple[dict[str, Tree], dict[str, Tree]]:
-        """Independent parameters, and those that are an expression of others (or constants), by name."""
-        declared = {plain(n): v for n, v in self.flat["variables"].items() if isinstance(v["variability"], dict)}
+        """Independent parameters, and those that are an expression of others, whole or logical numbers, or constants, by name."""
+        declared = {n: v for n, v in self.declared.items() if isinstance(v["variability"], dict)}
         declared = {n: v for n, v in declared.items() if {"Parameter", "Constant"} & v["variability"].keys()}
-        fixed = {n: v["binding"] for n, v in declared.items() if "Constant" in v["variability"] or references(v["binding"] or {})}
+        fixed = {
+            n: v["binding"]
+            for n, v in declared.items()
+            if "Constant" in v["variability"] or v["is_discrete_type"] or references(v["binding"] or {})
+        }
         return {n: v for n, v in declared.items() if n not in fixed}, fixed
 
     def _variables(self) -> dict[str, Tree]:
-        found: dict[str, Tree] = {}
-        for name, declared in self.flat["variables"].items():
-            if plain(name) in self.parameters or plain(name) in self.fixed:
-                continue
+        found = {n: v for n, v in self.declared.items() if n not in self.parameters and n not in self.fixed}
+        for name, declared in found.items():
             if declared["is_discrete_type"] or declared["variability"] not in ("Empty", "Continuous"):
-                raise ModelError(f"Modelica class '{self.class_name}': '{name}' is discrete; only continuous Real variables are supported")
-            for index in _indices(declared["dims"]):
-                found[plain(name) + index] = declared
+                raise self._error(f"'{name}' is discrete; only continuous Real variables are supported")
         return found
+
+    def _start(self) -> dict[str, float]:
+        """The values that the initial equations give to variables."""
+        found = {}
+        values = {n: self._parameter(n)["default"] for n in self.parameters}
+        for k, equation in enumerate(self.flat["initial_equations"], start=1):
+            sides = equation["residual"].get("Binary", {})
+            for one, other in ((sides.get("lhs", {}), sides.get("rhs")), (sides.get("rhs", {}), sides.get("lhs"))):
+                name = name_of(one["VarRef"]) if "VarRef" in one else ""
+                if sides.get("op") == "Sub" and name in self.variables and not references(other) & self.variables.keys():
+                    value = number(self._resolved(other), values, self.flat["functions"])
+                    if value is not None:
+                        found[name if "." in name else f"{self.own}.{name}"] = value
+                        break
+            else:
+                raise self._error(
+                    f"the initial equation '{self._title(equation, k)}' is not supported; write the value of one variable, x = 5, "
+                    "or start values"
+                )
+        return found
+
+    def _error(self, text: str) -> ModelError:
+        return ModelError(f"Modelica class '{self.class_name}': {text}")
 
     def _connectors(self) -> dict[str, list[tuple[str, str, str, str]]]:
         """Physical connectors of top-level components: "motor.flange" -> its pairs of potential and flow, with their units."""
@@ -168,9 +217,9 @@ class _Assembly:
         for k, equation in enumerate(self.flat["equations"]):
             if k not in self.handled:
                 owner = self._home(equation)
-                title = self._title(equation, k)
+                title = self._title(equation, k + 1)
                 title += f" no. {k + 1}" if title in {row[0] for row in equations.get(owner, [])} else ""
-                equations.setdefault(owner, []).append([title, *self._kind(equation["residual"]), equation["residual"]])
+                equations.setdefault(owner, []).append([title, *self._read(equation["residual"])])
         for name, declared in self.variables.items():
             if declared["binding"]:
                 tree = {"Binary": {"op": "Sub", "lhs": reference(name), "rhs": declared["binding"]}}
@@ -186,6 +235,7 @@ class _Assembly:
             parameters={n: Parameter(**values) for n, values in own.items()},
             inputs={n: f"{self.own}.{n}" for n in causal["Input"]},
             outputs={n: f"{self.own}.{n}" for n in causal["Output"]},
+            start=self.start,
         )
 
     def _component(self, owner: str, rows: list[list[Any]]) -> Part:
@@ -196,10 +246,6 @@ class _Assembly:
         balances = [row for row in rows if row[1] == "balance"]
         for row in balances:
             row[2] = "" if len(balances) == 1 else _place(row[2])
-            row[3] = next((self.connectors[path][0][3] for path in ports), "")
-        for row in rows:
-            if row[1] != "balance":
-                row[2] = row[3] = ""
         specification = {
             "name": owner,
             "doc": f"{owner} of {self.class_name}",
@@ -220,18 +266,24 @@ class _Assembly:
         if "VarRef" in tree:
             name = name_of(tree["VarRef"])
             if name in self.fixed:
+                if self.fixed[name] is None:
+                    raise self._error(f"parameter '{name}' has no value; give it one")
                 return self._resolved(self.fixed[name])
             return reference(f"{self.own}.{name}" if name in self.variables and "." not in name else name)
         return {key: self._resolved(value) for key, value in tree.items() if key != "span"}
 
     def _parameter(self, name: str) -> dict[str, Any]:
         declared = self.parameters[name]
-        value = number(declared["binding"] or declared["start"], {}, self.flat["functions"])
+        given = declared["binding"] or (None if _is_filled_in(declared) else declared["start"])
+        try:
+            value = number(given, {}, self.flat["functions"])
+        except ModelError as error:
+            raise self._error(f"parameter '{name}': {error}") from None
         if value is None:
-            raise ModelError(f"Modelica class '{self.class_name}': parameter '{name}' has no value; give it one")
+            raise self._error(f"parameter '{name}' has no value; give it one")
         low, high = (number(declared[word], {}, {}) for word in ("min", "max"))
         return {
-            "unit": declared["unit"] or "1",
+            "unit": declared["unit"] or "",
             "default": value,
             "min": -math.inf if low is None else low,
             "max": math.inf if high is None else high,
@@ -242,9 +294,12 @@ class _Assembly:
     def _variable(self, name: str) -> dict[str, Any]:
         declared = self.variables[name]
         values = {n: self._parameter(n)["default"] for n in self.parameters}
-        start = number(self._resolved(declared["start"]), values, self.flat["functions"]) if declared["start"] else 0.0
+        try:
+            start = number(self._resolved(declared["start"]), values, self.flat["functions"]) if declared["start"] else 0.0
+        except ModelError as error:
+            raise self._error(f"the start value of '{name}': {error}") from None
         if start is None:
-            raise ModelError(f"Modelica class '{self.class_name}': the start value of '{name}' is no number")
+            raise self._error(f"the start value of '{name}' is no number")
         return {
             "unit": declared["unit"] or "",
             "nominal": number(declared["nominal"], values, {}) or 1.0,
@@ -267,34 +322,40 @@ class _Assembly:
     def _unit(self, name: str) -> str:
         return self.variables[name]["unit"] or ""
 
-    def _kind(self, residual: Tree) -> tuple[str, str, str]:
-        """balance or equal, with the variable whose balance it is."""
-        if definition_of_rate(residual):
-            return "equal", "", ""
-        first = sorted(derivatives(residual))
-        second = sorted(n for n in references(residual) if self.rates.get(n) in self.rates)
-        return ("balance", (first or second)[0], "") if first or second else ("equal", "", "")
+    def _read(self, residual: Tree) -> tuple[str, str, str, Tree]:
+        """balance or equal, with the variable whose balance it is, its unit, and the equation the right way round."""
+        variable = "" if definition_of_rate(residual) else balanced(residual, self.rates)
+        if not variable:
+            return "equal", "", "", residual
+        unit = unit_of_terms(residual, lambda name: self._unit(name) if name in self.variables else "")
+        return "balance", variable, unit, oriented(residual, variable, self._value)
+
+    def _value(self, name: str) -> float:
+        """The value of an independent parameter; 1 for anything else."""
+        return float(self._parameter(name)["default"]) if name in self.parameters else 1.0
 
     def _title(self, equation: Tree, k: int) -> str:
         [(kind, origin)] = equation["origin"].items()
         if kind != "ComponentEquation":
             return f"{_WORDS.get(kind, kind)} {origin.get('description') or ' = '.join(map(str, origin.values()))}"
-        pieces = list(spans(equation["residual"]))
-        text = self.texts.get(equation.get("span", {}).get("source", -1)) or (self.texts.get(pieces[0]["source"]) if pieces else None)
-        if not text or not pieces:
-            return f"equation {k + 1}"
-        start = min(piece["start"] for piece in pieces)
-        before, after = text.encode()[:start].decode(), text.encode()[start:].decode()
+        region = equation["span"]
+        source = self.texts.get(region["source"])
+        if not source:
+            return f"equation {k}"
+        text, start = source.encode(), region["start"]
+        if b"=" not in text[start : region["end"]]:  # the head of a loop; its body follows
+            inside = [piece["start"] for piece in spans(equation["residual"]) if piece["source"] == region["source"]]
+            start = min((s for s in inside if s >= start), default=start)
+        while text[start - 1 : start] == b"(":
+            start -= 1
+        before, after = text[:start].decode(), text[start:].decode()
         line, snippet = before.count("\n") + 1, " ".join(after.partition(";")[0].split())
         return f"{snippet[:60]} (line {line})"
 
 
-def _indices(dims: list[int]) -> list[str]:
-    """Suffixes of all elements of an array: ["_1_1", "_1_2", ...]; [""] for a scalar."""
-    suffixes = [""]
-    for size in dims:
-        suffixes = [f"{suffix}_{i + 1}" for suffix in suffixes for i in range(size)]
-    return suffixes
+def _is_filled_in(declared: Tree) -> bool:
+    """Whether a start value stands nowhere in the text: the compiler's own stands where the name is declared."""
+    return declared["start"] is None or any(span == declared["source_span"] for span in spans(declared["start"]))
 
 
 def _place(variable: str) -> str:

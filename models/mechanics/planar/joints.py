@@ -2,7 +2,8 @@
 
 The flange `axis` moves as frame_b does relative to frame_a: friction, springs and drives are 1-D elements between it and ground, which
 stands for frame_a there. It may stay open: then nothing acts along the freedom. The law along the axis is a place for a residual, with the
-joint's name; it is switched on by `Model(residuals=...)`. A loop is closed by connecting its last joint; `Model(states=...)` then names the
+joint's name; it is switched on by `Model(residuals=...)`, and unasked where the balances of all that moves along the axis were merged into
+it, as those of a cart on its slide. A loop is closed by connecting its last joint; `Model(states=...)` then names the
 coordinates to keep, and `Model(start=...)` gives the guesses that decide how the loop is assembled.
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -9,6 +10,7 @@ import pytest
 
 from backsight.models import Component, Equation, InputError, Model, Output, Parameter, SolveError, Variable, balance, compile_model, equal
 from backsight.models.analysis.identifiability import identifiability
+from backsight.models.language import SignalInput
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Friction, Mass, PositionSensor, Spring, VelocitySensor
 from backsight.models.plants import actuator
 from backsight.models.plants.drillstring import drillstring
@@ -373,3 +375,35 @@ def test_a_model_that_cannot_run_is_refused() -> None:
     dae = compile_model(alone(Nowhere(), outputs={"x": Output("c.x")}))
     with pytest.raises(SolveError, match="no experiment with 'alone' near its start values could be integrated"):
         identifiability(dae)
+
+
+class Exponential(Component):
+    """x' = a exp(b) u"""
+
+    x = Variable("m", state=True)
+    a = Parameter("m/s", 3.0)
+    b = Parameter("", 0.0, nominal=2.0)
+    u = SignalInput("1")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"rate": equal(c.der(c.x), c.a * ca.exp(c.b) * c.u)}
+
+
+def test_the_change_of_a_parameter_that_is_zero_is_told_in_its_unit() -> None:
+    found = identifiability(alone(Exponential(), inputs={"u": "c.u"}, outputs={"x": "c.x"}), parameters=["c.a", "c.b"])
+    (direction,) = found.directions
+    assert direction.kind == "local"
+    percent, step = direction.changes["c.a"], direction.changes["c.b"] / 100 * 2.0
+    assert step == pytest.approx(-percent / 100, rel=1e-6)  # a exp(b) stays
+    assert f"c.a {percent:+.3g} %, c.b {step:+.3g} (" in str(found)
+
+
+def test_a_verdict_on_no_parameter_says_so() -> None:
+    found = identifiability(oscillator(), parameters=[])
+    (line,) = found.sentences()
+    assert line.startswith("no parameter was asked about; name some of body.m, damper.d, ")
+
+
+def test_without_outputs_no_state_is_observable() -> None:
+    lines = identifiability(replace(oscillator(), outputs={})).sentences()
+    assert "unobservable without an output: body.s, body.v" in lines

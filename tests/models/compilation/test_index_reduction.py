@@ -31,7 +31,7 @@ class Circle(Component):
 
 
 def test_an_input_that_would_have_to_be_differentiated_is_named() -> None:
-    with pytest.raises(ModelError, match=r"input 'R' \('a.r'\) fixes a motion, so it would have to be differentiated"):
+    with pytest.raises(ModelError, match=r"input 'R' \('a.r'\) fixes a.x, a.y, so it would have to be differentiated"):
         compile_model(Model(name="m", components={"a": Circle()}, inputs={"R": "a.r"}))
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from backsight.models.compilation.eliminate import Reduced
+from backsight.models.compilation.eliminate import Heirs, Reduced
 from backsight.models.compilation.flat import FlatEquation, FlatModel, FlatVariable
 from backsight.models.compilation.index_reduction import Semi
 from backsight.models.compilation.linear_blocks import solve_linear_blocks
@@ -69,7 +69,7 @@ def test_an_equation_with_a_residual_is_used_only_when_its_body_moves_with_anoth
     rows = [row(DX - 3 * Y[0], "body", "balance"), row(ca.cos(X) * Y[0] - X - w, "link", "balance")]
     slots = {"link": w, "body": ca.SX.sym("w[body]")}
     left, reduced = solve_linear_blocks(*system(rows, Y[:1]), slots)
-    assert reduced.merged == {"link": ["body"]}
+    assert reduced.merged == {"link": Heirs(left=("row of body",))}
     assert float(ca.Function("r", [X, DX], [left.equations[0].residual])(0.5, 2.0)) == pytest.approx(2.0 - 3 * 0.5 / np.cos(0.5))
     law = [rows[0], row(ca.cos(X) * Y[0] - X - w, "link", "law")]
     left, reduced = solve_linear_blocks(*system(law, Y[:1]), slots)

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from backsight.models.compilation.rows import Held, Rows
+from backsight.models.compilation.rows import Held, Rows, steps
 
 a, b, c, p = (ca.SX.sym(name) for name in "abcp")
 
@@ -81,3 +81,20 @@ def test_what_two_terms_share_is_one_node_after_a_substitution() -> None:
     function = ca.Function("f", [b, c], [rows.held[0].value])
     operations = [function.instruction_id(k) for k in range(function.n_instructions())]
     assert operations.count(ca.OP_SIN) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (2 * a + ca.sign(a) + b, {"a"}),
+        (ca.if_else(a > b, c, 2 * c), {"a", "b"}),
+        (ca.floor(a * b) + c, {"a", "b"}),
+        (ca.fmod(a, b) + c, {"a", "b"}),
+        (ca.remainder(a, b) + c, {"a", "b"}),
+        (ca.copysign(a, b) + c, {"a", "b"}),
+        (b * ca.if_else(ca.logic_not(a), 1, 2), {"a"}),
+        (ca.fabs(a) + ca.tanh(b), set()),
+    ],
+)
+def test_a_value_steps_in_what_is_compared_or_rounded(value: ca.SX, expected: set[str]) -> None:
+    assert steps(value) == Held(value).steps == expected

@@ -105,7 +105,7 @@ def test_sensors_read_gain_times_quantity_plus_bias_and_disturb_nothing() -> Non
 
 def test_a_circuit_without_a_ground_is_refused() -> None:
     floating = ring({}, wire=Resistor()).without("earth")
-    with pytest.raises(ModelError, match="current balance at the connection"):
+    with pytest.raises(ModelError, match="occur as differences only and have no origin; add an ElectricalGround"):
         compile_model(floating)
 
 

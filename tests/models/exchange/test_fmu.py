@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from backsight.models import InputError, compile_model, simulate
+from backsight.models import InputError, ModelError, compile_model, simulate
 from backsight.models.exchange.fmu import export_fmu
 from backsight.models.plants import PLANTS
 
@@ -64,3 +65,16 @@ def test_a_path_that_is_no_fmu_is_refused_and_nothing_is_left_behind(tmp_path: P
 def test_a_relative_path_means_the_folder_the_caller_stands_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert export_fmu(PLANTS["actuator"](), "actuator.fmu", binary=False).resolve() == tmp_path / "actuator.fmu"
+
+
+def test_constraints_between_states_are_refused_with_the_remedy(tmp_path: Path) -> None:
+    loop = replace(PLANTS["five_bar"](), states=())
+    with pytest.raises(ModelError, match=r"4 constraints between its states .* name the independent coordinates: Model\(states=\.\.\.\)"):
+        export_fmu(loop, tmp_path / "loop.fmu", binary=False)
+
+
+@pytest.mark.parametrize(("name", "what"), [("carriage.s", "a state"), ("F", "an input"), ("carriage.m", "a parameter")])
+def test_an_output_with_the_name_of_another_quantity_is_refused(tmp_path: Path, name: str, what: str) -> None:
+    twice = replace(PLANTS["actuator"](), outputs={name: "encoder.s"})
+    with pytest.raises(ModelError, match=rf"output '{name}' of 'actuator' has the name of {what}; give it another"):
+        export_fmu(twice, tmp_path / "twice.fmu", binary=False)

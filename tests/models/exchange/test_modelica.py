@@ -213,3 +213,229 @@ def test_what_cannot_be_used_is_refused_by_name(tmp_path: Path, text: str, name:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r'"none\.mo:A": there is no file'):
         load_modelica(tmp_path / "none.mo", "A")
+
+
+TURNED = """
+package Turned
+  connector Pin
+    Real v(unit="V");
+    flow Real i(unit="A");
+  end Pin;
+  connector Flange
+    Real phi(unit="rad");
+    flow Real tau(unit="N.m");
+  end Flange;
+  model Inertia
+    Flange a, b;
+    parameter Real J = 1;
+    Real phi(start=0), w(start=0), acc;
+  equation
+    phi = a.phi;
+    phi = b.phi;
+    w = der(phi);
+    acc = der(w);
+    a.tau + b.tau = J*acc;
+  end Inertia;
+  model Pair
+    Inertia one, two(phi(start=0.7), w(start=2));
+    output Real y = one.phi;
+  equation
+    connect(one.b, two.a);
+  end Pair;
+  model Inductor
+    Pin p, n;
+    parameter Real L = 2;
+    Real v, i;
+  equation
+    v = p.v - n.v;
+    p.i + n.i = 0;
+    i = p.i;
+    L*der(i) = v;
+  end Inductor;
+  model Source
+    Pin p, n;
+    input Real u;
+  equation
+    p.v - n.v = u;
+    p.i + n.i = 0;
+  end Source;
+  model Ground
+    Pin p;
+  equation
+    p.v = 0;
+  end Ground;
+  model Circuit
+    Ground ground;
+    Source source;
+    Inductor coil;
+    input Real u;
+    output Real y = coil.i;
+  equation
+    connect(source.p, coil.p);
+    connect(source.n, coil.n);
+    connect(source.n, ground.p);
+    source.u = u;
+  end Circuit;
+  model Second
+    parameter Real m = -2;
+    Real x(start=1), v, s(start=0), r;
+    input Real F(unit="N");
+    output Real y = x;
+  equation
+    v = der(x);
+    0 = F - x - 2*der(v);
+    r = der(s);
+    F = m*der(r);
+  end Second;
+end Turned;
+"""
+
+
+def residual_gains(model: Model) -> dict[str, float]:
+    """Place -> d row / d(the derivatives in it) over d row / d w, by sign: -1 where it reads inertia - forces - w."""
+    import casadi as ca
+
+    dae = compile_model(model)
+    rows = dict(zip((e.place for e in dae.equations), ca.vertsplit(dae.residual), strict=True))
+    found = {}
+    for k, place in enumerate(dae.places):
+        inertia = ca.sum2(ca.jacobian(rows[k], dae.dx))
+        w = ca.jacobian(rows[k], dae.w[k])
+        found[place.name] = float(ca.Function("s", [dae.p], [ca.sign(inertia) * w])(dae.parameter_values()))
+    return found
+
+
+@pytest.mark.parametrize(("name", "places"), [("Pair", ["one"]), ("Circuit", ["coil"]), ("Second", ["Second.v", "Second.r"])])
+def test_residuals_are_forces_whichever_way_round_the_balance_is_written(tmp_path: Path, name: str, places: list[str]) -> None:
+    gains = residual_gains(load_modelica(write(tmp_path, TURNED), f"Turned.{name}"))
+    assert sorted(gains) == sorted(places)
+    assert set(gains.values()) == {-1.0}
+
+
+def test_a_balance_has_the_unit_of_its_terms_or_none(tmp_path: Path) -> None:
+    path = write(tmp_path, TURNED)
+    units = {n: [p.unit for p in compile_model(load_modelica(path, f"Turned.{n}")).places] for n in ("Pair", "Circuit", "Second")}
+    assert units == {"Pair": ["N.m"], "Circuit": [""], "Second": ["N", "N"]}
+
+
+def test_start_values_of_rigidly_joined_parts_count(tmp_path: Path) -> None:
+    dae = compile_model(load_modelica(write(tmp_path, TURNED), "Turned.Pair"))
+    assert sorted(q.start for q in dae.states) == [0.7, 2.0]
+    assert simulate(dae, [0.0, 1.0], {}).outputs["y"] == pytest.approx([0.7, 2.7])
+
+
+def test_initial_equations_with_numbers_are_start_values(tmp_path: Path) -> None:
+    text = """
+    model Swing
+      parameter Real v0 = 5;
+      Real x(start=1, fixed=true), v;
+      input Real u; output Real y;
+    initial equation
+      v0 = v;
+    equation
+      der(x) = v; der(v) = u - x; y = x;
+    end Swing;"""
+    t = np.linspace(0, 2, 5)
+    found = simulate(compile_model(load_modelica(write(tmp_path, text), "Swing")), t, {"u": 0.0})
+    assert_allclose(found.outputs["y"], np.cos(t) + 5 * np.sin(t), atol=1e-9)
+
+
+LOOPS = """
+package Loops
+  model Chain
+    parameter Integer n = 3;
+    parameter Real g = 2;
+    Real z[n];
+    input Real u;
+  equation
+    for i in 1:n loop
+      der(z[i]) = (if i > 1 then z[i-1] else u) - g*i*z[i];
+    end for;
+  end Chain;
+  model Four
+    Chain chain(n=4);
+    input Real u; output Real y;
+  equation
+    chain.u = u; y = chain.z[4];
+  end Four;
+  model Weights
+    parameter Real a[3] = {1, -2, 0.5};
+    parameter Real B[2,2] = {{1, 2}, {3, 4}};
+    parameter Boolean twice = true;
+    parameter Integer k = 3;
+    Real z[3](start={1, 2, 3});
+    input Real u; output Real y;
+  equation
+    for i in 1:3 loop der(z[i]) = a[i]*u*k; end for;
+    y = z[1] + 10*z[2] + 100*z[3] + B[2,1] + (if twice then u else 0);
+  end Weights;
+end Loops;
+"""
+
+
+def test_every_round_of_a_loop_is_an_equation(tmp_path: Path) -> None:
+    dae = compile_model(load_modelica(write(tmp_path, LOOPS), "Loops.Four"))
+    found = simulate(dae, np.linspace(0, 1, 11), {"u": 1.0})
+    truth = solve_ivp(
+        lambda _, z: [(z[i - 1] if i else 1.0) - 2 * (i + 1) * z[i] for i in range(4)], (0, 1), np.zeros(4), rtol=1e-11, atol=1e-13
+    )
+    assert found.outputs["y"][-1] == pytest.approx(truth.y[3, -1], rel=1e-8)
+
+
+def test_arrays_of_numbers_are_parameters_and_whole_and_logical_numbers_are_constants(tmp_path: Path) -> None:
+    dae = compile_model(load_modelica(write(tmp_path, LOOPS), "Loops.Weights"))
+    assert {p.name: p.value for p in dae.parameters} == {
+        "a_1": 1.0,
+        "a_2": -2.0,
+        "a_3": 0.5,
+        "B_1_1": 1.0,
+        "B_1_2": 2.0,
+        "B_2_1": 3.0,
+        "B_2_2": 4.0,
+    }
+    end = simulate(dae, [0.0, 1.0], {"u": 1.0}).outputs["y"][-1]
+    assert end == pytest.approx((1 + 3) + 10 * (2 - 6) + 100 * (3 + 1.5) + 3 + 1)
+
+
+def test_parameters_without_a_unit_are_asked_about(tmp_path: Path) -> None:
+    from backsight.models.analysis.identifiability import identifiability
+
+    model = load_modelica(
+        write(tmp_path, "model A\n parameter Real k = 2; Real x; input Real u; output Real y;\nequation der(x) = k*u; y = x;\nend A;"), "A"
+    )
+    assert str(identifiability(model)) == "k can be told from y"
+
+
+def test_an_origin_is_the_text_of_the_equation_and_not_of_a_functions_default(tmp_path: Path) -> None:
+    text = """package P
+  function f
+    input Real x; input Real k = 2; output Real y;
+  algorithm
+    y := k*x;
+  end f;
+  model M
+    Real x; input Real u; output Real y = x;
+  equation
+    der(x) = u - f(x);
+  end M;
+end P;"""
+    origins = [e.origin for e in compile_model(load_modelica(write(tmp_path, text), "P.M")).equations]
+    assert origins == ["der(x) = u - f(x) (line 10) of M"]
+
+
+@pytest.mark.parametrize(
+    ("declared", "equation", "match"),
+    [
+        ("parameter Real k;", "der(x) = k*u;", r"Modelica class 'B': parameter 'k' has no value; give it one"),
+        ("parameter Integer k;", "der(x) = k*u;", r"Modelica class 'B': parameter 'k' has no value; give it one"),
+        ("Real z_1; Real z[2];", "der(x) = u; z_1 = 1; z[1] = 2; z[2] = 3;", r"'z_1' and 'z' would both be called 'z_1' here; rename"),
+        ("parameter Real A[2] = fill(1, 2);", "der(x) = A[1]*u;", r"values are not written element by element for the array 'A'"),
+        ("", "der(x) = mod(x, 2) - u;", r"B of B: 'der\(x\) = mod\(x, 2\) - u \(line 4\)': the Modelica function mod\(\) is not supported"),
+        ("", "der(x) = u; initial equation x^2 = 4;", r"the initial equation 'x\^2 = 4 \(line 4\)' is not supported; write the value"),
+        ("", "der(x) = u; initial equation der(x) = 0;", r"the initial equation 'der\(x\) = 0 \(line 4\)' is not supported"),
+    ],
+)
+def test_what_would_be_filled_in_dropped_or_confused_is_refused(tmp_path: Path, declared: str, equation: str, match: str) -> None:
+    text = f"model B\n {declared}\n Real x; input Real u; output Real y = x;\nequation {equation}\nend B;"
+    with pytest.raises(ModelError, match=match):
+        compile_model(load_modelica(write(tmp_path, text), "B"))
