@@ -33,7 +33,10 @@ Expression = Any  # a casadi SX scalar or a number
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a component: SI unit, default, inclusive bounds, typical size. `smoothing` marks a width that rounds a corner."""
+    """A number of a component: SI unit, default, inclusive bounds, typical size.
+
+    smoothing: a width that rounds a corner. nonzero: of either sign but never 0, so that equations may be divided by it.
+    """
 
     unit: str
     default: float
@@ -42,6 +45,7 @@ class Parameter:
     nominal: float | None = None
     description: str = ""
     smoothing: bool = False
+    nonzero: bool = False
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.__dict__.setdefault("_name", name)
@@ -250,5 +254,7 @@ def check_value(where: str, value: object, parameter: Parameter) -> None:
         raise TypeError(f"{where}: a parameter value is a number [{parameter.unit}], not {type(value).__name__}")
     if not math.isfinite(value):
         raise ModelError(f"{where}: the value must be finite; give a number [{parameter.unit}]")
+    if parameter.nonzero and value == 0:
+        raise ModelError(f"{where}: the value must not be 0; give a number [{parameter.unit}] of either sign")
     if not parameter.min <= float(value) <= parameter.max:
         raise ModelError(f"{where}: the value must lie between {parameter.min:g} and {parameter.max:g} {parameter.unit}; change it")

@@ -40,7 +40,7 @@ class Candidates:
     ) -> None:
         self.flat, self.known, self.rows, self.equations, self.rate_rows = flat, known, rows, equations, rate_rows
         self.slots, self.slot_names = slots, {symbol.name() for symbol in slots.values()}
-        self.safe_parameters = {name for name, (declared, _, _) in flat.parameters.items() if declared.min > 0 or declared.max < 0}
+        self.safe_parameters = {name for name, (p, _, _) in flat.parameters.items() if p.min > 0 or p.max < 0 or p.nonzero}
         wanted = {*states, *_rates_of(flat, states)}
         self.rank = {name: KEPT + 1 if name in wanted else variable.rank for name, variable in flat.variables.items()}
         self.order = {name: i for i, name in enumerate(flat.variables)}

@@ -87,7 +87,7 @@ class Gear(Component):
 
     flange_a = Rotational()
     flange_b = Rotational()
-    ratio = Parameter("1", 1.0, description="angle of flange_a per angle of flange_b")
+    ratio = Parameter("1", 1.0, nonzero=True, description="angle of flange_a per angle of flange_b")
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {
@@ -129,7 +129,7 @@ class Rack(Component):
 
     wheel = Rotational()
     rack = Translational()
-    r = Parameter("m", 1.0, description="radius of the wheel")
+    r = Parameter("m", 1.0, nonzero=True, description="radius of the wheel")
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {
