@@ -42,6 +42,9 @@ class Run:
         return self.stds[number][output] * float(self.choice.output_factor[number, index])
 
 
+NO_MINIMUM = "Ended on no minimum: give better guesses, more room in W, or fewer free parameters."
+
+
 def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoothing:
     """The result object of a smoothing run."""
     choice = run.choice
@@ -83,8 +86,8 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
             V={q.name: run.noise(first, q.name, i) for i, q in enumerate(dae.outputs) if (first := _first(q.name, run)) is not None},
         ),
         solver=SolverFacts(
-            status=solved.status.value,
-            converged=solved.status.converged,
+            status=solved.status.value if solution.curvature is not None else NO_MINIMUM,
+            converged=solved.status.converged and solution.curvature is not None,
             iterations=choice.iterations,
             seconds=seconds,
             build_seconds=build,

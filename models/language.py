@@ -185,8 +185,11 @@ class Component:
         cls.declared_signals = {k: v for k, v in declared.items() if isinstance(v, Signal)}
         cls.declared_shared = {k: v for k, v in declared.items() if isinstance(v, Shared)}
 
-    def __init__(self, **values: float) -> None:
+    def __init__(self, *unnamed: float, **values: float) -> None:
         kind = type(self).__name__
+        if unnamed:
+            named = next(iter(self.declared_parameters), "name")
+            raise TypeError(f"{kind}({unnamed[0]!r}): parameters are given by name; write {kind}({named}={unnamed[0]!r})")
         for name, value in values.items():
             if name not in self.declared_parameters:
                 raise TypeError(f"{kind} has no parameter '{name}' (= {value!r}); {suggestion(name, self.declared_parameters)}")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
+
+from backsight.estimation.cli import main
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 
@@ -40,6 +43,8 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
     assert sum(line.strip() != "" for line in blocks[0].splitlines()) <= 25
+    (tmp_path / "drive.py").write_text(blocks[0])
+    monkeypatch.syspath_prepend(str(tmp_path))
     names: dict[str, object] = {}
     for block in blocks:
         exec(compile(block, "TUTORIAL.md", "exec"), names)
@@ -48,3 +53,9 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     # the load's share of the torque over the stiffness, far below the resonance
     assert float(twist[1]) == pytest.approx(0.1 * 1e-3 / 1.2e-3 / 4.0, rel=0.25)
     assert (tmp_path / "two_mass_drive.fmu").exists()
+    study = re.findall(r"```toml\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)[0]
+    (tmp_path / "drive.toml").write_text(study)
+    assert main(["smooth", "drive.toml", "--quiet"]) == 0
+    parameters = json.loads((tmp_path / "drive" / "result.json").read_text())["parameters"]
+    for name, truth in {"load.J": 1e-3, "shaft.k": 4.0, "bearing.tau_c": 0.02}.items():
+        assert abs(parameters[name]["value"] - truth) < 4 * parameters[name]["std"], name

@@ -40,6 +40,9 @@ def compile_model(model: Model, *, places: Collection[str] = ()) -> Dae:
 
     Raises ModelError for a model that is not connected, not determined, singular, and for a place that does not exist or has no meaning.
     """
+    if not isinstance(model, Model):
+        hint = "call it: compile_model(name())" if callable(model) else "give a Model"
+        raise ModelError(f"compile_model({model!r:.60}): this is a {type(model).__name__}, not a Model; {hint}")
     if not model.components:
         raise ModelError(f"model '{model.name}' has no components; add some")
     flat = flatten(model)

@@ -10,9 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compilation.compiler import compile_model
 from ..compilation.start_values import of_states
 from ..dae import Dae
 from ..errors import ModelError, suggestion
+from ..model import Model
 from .consistent import finite, initial_states
 from .events import Event
 from .modes import Integrator, Point
@@ -40,7 +42,7 @@ class Trajectory:
 
 
 def simulate(
-    dae: Dae,
+    model: Model | Dae,
     t: ArrayLike,
     inputs: Mapping[str, ArrayLike] | None = None,
     parameters: Mapping[str, float] | None = None,
@@ -52,6 +54,7 @@ def simulate(
 ) -> Trajectory:
     """Integrate F(x', x, z, u, p, 0, t) = 0 over the samples t [s] (n,), strictly increasing.
 
+    model       a `Dae`, or a `Model`, which is compiled first
     inputs      name -> (n,) or a constant: the input of sample k is held from t_k to t_k+1 ("zero"), or joined by straight lines ("linear")
     parameters  values that replace the defaults; smoothing widths are 1e-5 of their defaults unless given here
     initial     values of states (and algebraics, as a guess) at t_0, or of variables that are a multiple of one, plus a constant; the
@@ -73,6 +76,7 @@ def simulate(
 
     Raises ModelError for unknown names, shapes and inconsistent initial values, SolveError where the integration stops.
     """
+    dae = model if isinstance(model, Dae) else compile_model(model)
     times = _times(t)
     u = _inputs(dae, inputs or {}, len(times))
     given = parameters or {}

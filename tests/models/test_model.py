@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from backsight.models import Model, ModelError, Output, Parameter, compile_model
+from backsight.models import Model, ModelError, Output, Parameter, compile_model, simulate
 from backsight.models.mechanics.rotational import EccentricRack, Inertia, Rack, RotationalDamper
 from backsight.models.mechanics.translational import AddedMass, Damper, Fixed, Force, Mass, PositionSensor, Rigid, Spring
 from backsight.models.plants import actuator, five_bar, quadrotor, xy_table
@@ -244,3 +244,12 @@ def test_a_text_where_a_list_of_names_belongs_is_refused(word: str) -> None:
 def test_a_single_place_is_given_in_a_list() -> None:
     with pytest.raises(ModelError, match=r"compile_model\(places='screw'\): a text is not a list; write places=\['screw'\]"):
         compile_model(actuator(), places="screw")
+
+
+def test_a_model_is_simulated_as_it_is_and_what_is_no_model_is_refused_with_the_remedy() -> None:
+    t = [0.0, 0.5, 1.0]
+    assert simulate(actuator(), t, {"F": 30.0}).outputs["x"][-1] == simulate(compile_model(actuator()), t, {"F": 30.0}).outputs["x"][-1]
+    with pytest.raises(ModelError, match=r"this is a function, not a Model; call it: compile_model\(name\(\)\)"):
+        compile_model(actuator)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"Mass\(3\.0\): parameters are given by name; write Mass\(m=3\.0\)"):
+        Mass(3.0)

@@ -244,8 +244,10 @@ class _Assembly:
         ports = [path for path in self.connectors if path.startswith(prefix)] if prefix else []
         inside = {f"{path}.{word}" for path in ports for pair in self.connectors[path] for word in (pair[0], pair[2])}
         balances = [row for row in rows if row[1] == "balance"]
+        taken: set[str] = set()
         for row in balances:
-            row[2] = "" if len(balances) == 1 else _place(row[2])
+            row[2] = "" if len(balances) == 1 else _free(_place(row[2]), taken)
+            taken.add(row[2])
         specification = {
             "name": owner,
             "doc": f"{owner} of {self.class_name}",
@@ -356,6 +358,11 @@ class _Assembly:
 def _is_filled_in(declared: Tree) -> bool:
     """Whether a start value stands nowhere in the text: the compiler's own stands where the name is declared."""
     return declared["start"] is None or any(span == declared["source_span"] for span in spans(declared["start"]))
+
+
+def _free(place: str, taken: set[str]) -> str:
+    """A name for a second balance of the same variable: v_2."""
+    return next(name for name in (place, *(f"{place}_{k}" for k in range(2, len(taken) + 3))) if name not in taken)
 
 
 def _place(variable: str) -> str:

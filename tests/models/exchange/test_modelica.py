@@ -439,3 +439,29 @@ def test_what_would_be_filled_in_dropped_or_confused_is_refused(tmp_path: Path, 
     text = f"model B\n {declared}\n Real x; input Real u; output Real y = x;\nequation {equation}\nend B;"
     with pytest.raises(ModelError, match=match):
         compile_model(load_modelica(write(tmp_path, text), "B"))
+
+
+TROLLEY = """
+model Trolley
+  parameter Real M(unit="kg") = 10;
+  parameter Real m(unit="kg") = 5;
+  parameter Real L(unit="m") = 1.5;
+  input Real F(unit="N");
+  output Real x = s;
+  Real s, v, p(start=0.2), w;
+equation
+  v = der(s);
+  w = der(p);
+  (M + m)*der(v) + m*L*cos(p)*der(w) - m*L*sin(p)*w^2 = F;
+  L*der(w) + cos(p)*der(v) + 9.81*sin(p) = 0;
+end Trolley;
+"""
+
+
+def test_two_balances_may_hold_the_same_derivative(tmp_path: Path) -> None:
+    dae = compile_model(load_modelica(write(tmp_path, TROLLEY), "Trolley"))
+    assert len({p.name for p in dae.places}) == 2
+    t = np.linspace(0, 3, 31)
+    run = simulate(dae, t, {"F": 0.0})
+    momentum = 15 * run.states["Trolley.v"] + 5 * 1.5 * np.cos(run.states["Trolley.p"]) * run.states["Trolley.w"]
+    assert_allclose(momentum, 0.0, atol=1e-9)
