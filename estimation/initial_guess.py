@@ -11,7 +11,7 @@ import numpy as np
 from backsight.models import Dae
 from backsight.ocp import Transcription
 from backsight.ocp.follow import Followed
-from backsight.ocp.polynomials import radau
+from backsight.ocp.passing import passing_through
 
 from .problem import Free, Problem
 
@@ -63,19 +63,8 @@ def balance(problem: Problem, followed: Followed, parameters: Array) -> Balance:
 
 def start_decisions(transcription: Transcription, followed: Followed, parameters: Array) -> Array:
     """The followed trajectories as decisions of a transcription on the same or another mesh, residual forces zero; (n + np,)."""
-    nlp = transcription.nlp
-    ip, out = nlp.interpolation, np.zeros(nlp.size)
-    nx, stride = ip.states, ip.states + ip.interior
-    for number, horizon in enumerate(transcription.horizons):
-        part = nlp.index[:, transcription.offsets[number] : transcription.offsets[number + 1]]
-        _, x, _ = followed.at(number, horizon.mesh.knots)
-        out[part[:nx]], out[part[stride:]] = x[:, :-1], x[:, 1:]
-        if transcription.method == "collocation":
-            for k, tau in enumerate(radau(transcription.degree)[:-1]):
-                _, inner, _ = followed.at(number, horizon.mesh.knots[:-1] + tau * horizon.mesh.steps)
-                out[part[nx + k * nx : nx + (k + 1) * nx]] = inner
-    out[nlp.trajectory_size :] = parameters[list(nlp.free)]
-    return out
+    trajectories = passing_through(transcription, lambda number, times: followed.at(number, times)[1:])
+    return np.concatenate([trajectories, parameters[list(transcription.nlp.free)]])
 
 
 def _inside(problem: Problem, index: int, value: float) -> float:

@@ -74,8 +74,8 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
     share = _share_with_room(solution)
     if share > 0:
         found.append(
-            f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: W gives it {ROOM:.0f} times the room "
-            "there, and these stretches say hardly anything about the parameters."
+            f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: the residual force has as much room "
+            f"there as the law is strong, or {ROOM:.0f} times W, and these stretches say hardly anything about the parameters."
         )
     for name, error in run.mesh_error.items():
         if error > allowed(solution, name):

@@ -16,7 +16,7 @@ from backsight.ocp.scaling import scaled
 
 from .initial_guess import start_decisions
 from .problem import Free, Problem
-from .rest import FrictionLaw, room
+from .rest import FrictionLaw, open_at_rest, with_room
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -37,7 +37,10 @@ class Settings:
 
 @dataclass(frozen=True, kw_only=True)
 class Program:
-    """A transcription with its numbers, a start (n + np,) and the bounds (n + np,) of its decisions."""
+    """A transcription with its numbers, a start (n + np,) and the bounds (n + np,) of its decisions.
+
+    at_rest (n_soft, N): standard deviations of the residual forces near rest (`rest.py`), which the numbers have.
+    """
 
     transcription: Transcription
     solver: Solver
@@ -45,9 +48,11 @@ class Program:
     start: Array
     lower: Array
     upper: Array
+    at_rest: Array
 
     def solve(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
-        """The program solved from these decisions with these numbers; newton: to the full tolerance."""
+        """The program solved from these decisions with these numbers, in the units that they ask for; newton: to the full tolerance."""
+        values = scaled(self.solver, decisions, values)
         solved = self.solver.solve(decisions, values, lower=self.lower, upper=self.upper, newton=newton, progress=say)
         here = self.transcription.nlp.about(values, solved.decisions)
         return Solution(transcription=self.transcription, solver=self.solver, values=here, solved=solved)
@@ -72,9 +77,11 @@ def make_program(
     first = start_decisions(transcription, followed, start)
     values = _with_fine_input(transcription, first, start, transcription.nlp.values(parameters))
     knots = [h.mesh.knots for h in transcription.horizons]
-    values = transcription.with_force_std(values, room(problem, laws, followed, knots, transcription.soft, start))
+    at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
+    std = transcription.force_std
+    values = transcription.with_force_std(values, with_room(std, at_rest) / std[:, None])
     lower, upper = _bounds(problem, transcription)
-    return Program(transcription=transcription, solver=solver, values=scaled(solver, first, values), start=first, lower=lower, upper=upper)
+    return Program(transcription=transcription, solver=solver, values=values, start=first, lower=lower, upper=upper, at_rest=at_rest)
 
 
 def _transcribe(problem: Problem, horizons: Sequence[Horizon], force_std: dict[int, float], settings: Settings) -> Transcription:

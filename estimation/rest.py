@@ -2,12 +2,13 @@
 
 A rounded sign cannot hold a body at rest, and where a velocity changes its sign inside a mesh interval nobody knows when. A balance
 that is enforced there reads both as a force, and bends the parameters to explain it. So the residual force of such a balance gets
-room in these intervals: its standard deviation is multiplied, and what happens there tells nothing about the parameters.
+room in these intervals, as much as the law is strong, and what happens there tells hardly anything about the parameters.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +21,9 @@ from .problem import Free, Problem
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
-ROOM = 50.0  # factor on the standard deviation of a residual force near rest
+ROOM = 50.0  # factor on the standard deviation of a residual force near rest, at least
+SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
+TINY = 1e-300  # strength that still marks an interval near rest
 VELOCITIES = ("v_rel", "w_rel", "omega_rel")
 VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
 
@@ -73,38 +76,64 @@ def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: 
 
 def rms_velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> float:
     """The law's rms velocity along the followed trajectories of all recordings."""
-    velocity = [_velocity(problem.dae, law, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
-    return float(np.sqrt(np.mean(np.concatenate(velocity) ** 2)))
+    expression = problem.dae.variables[law.velocity]
+    velocity = [_along(problem.dae, expression, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
+    return float(np.sqrt(np.mean(np.hstack(velocity) ** 2)))
 
 
-def room(
+def open_at_rest(
     problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, knots: list[Array], soft: tuple[int, ...], parameters: Array
 ) -> Array:
-    """Factors on the residual forces' standard deviations, (n_soft, N): ROOM in intervals near rest, else 1.
+    """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
 
-    An interval is near rest when the velocity of a law falls below NEAR widths in it, or below its own change over the interval.
+    A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h). An
+    interval is near rest when the velocity of a law falls below NEAR widths in it, or below its own change over the interval.
     """
-    factors = []
+    strengths = [_strengths(problem, law, followed, parameters) for law in laws]
+    parts = []
     for number, own in enumerate(knots):
-        factor = np.ones((len(soft), len(own) - 1))
-        for law in laws:
-            places = [soft.index(k) for k in law.places if k in soft]
+        part = np.zeros((len(soft), len(own) - 1))
+        for law, strength in zip(laws, strengths, strict=True):
             times = np.concatenate([own[:-1], (own[1:] + own[:-1]) / 2, own[1:]])
-            v = _velocity(problem.dae, law, followed, number, times, parameters).reshape(3, -1)
+            v = _along(problem.dae, problem.dae.variables[law.velocity], followed, number, times, parameters).reshape(3, -1)
             change = v.max(axis=0) - v.min(axis=0)
             least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
             near = least <= np.maximum(NEAR * parameters[law.width], change)
-            for place in places:
-                factor[place, near] = ROOM
-        factors.append(factor)
-    return np.hstack(factors)
+            for place, f in zip(law.places, strength, strict=True):
+                if place in soft:
+                    part[soft.index(place), near] += max(f, TINY) * np.sqrt(np.diff(own))[near]
+        parts.append(part)
+    return np.hstack(parts)
 
 
-def _velocity(dae: Dae, law: FrictionLaw, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
-    """The law's velocity along a followed trajectory, (M,)."""
+def with_room(force_std: Array, at_rest: Array) -> Array:
+    """Standard deviations in every interval from those of the places (n_soft,) and those `open_at_rest`; (n_soft, N)."""
+    std = np.broadcast_to(force_std[:, None], at_rest.shape)
+    return np.where(at_rest > 0, np.maximum(ROOM * std, at_rest), std)
+
+
+def _strengths(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> list[float]:
+    """Largest force of a law on each of its places: what the balance loses when the sign is rounded away altogether."""
+    dae = problem.dae
+    row_of = {e.place: row for row, e in enumerate(dae.equations) if e.place is not None}
+    F = dae.residual[[row_of[k] for k in law.places]]
+    rms = rms_velocity(problem, law, followed, parameters) or 1.0
+    largest = np.zeros(len(law.places))
+    for number, horizon in enumerate(followed.horizons):
+        sides = []
+        for width in (SHARP * rms, rms / SHARP):
+            there = parameters.copy()
+            there[law.width] = width
+            sides.append(_along(dae, F, followed, number, horizon.mesh.knots, there))
+        largest = np.maximum(largest, np.abs(sides[0] - sides[1]).max(axis=1))
+    return [float(f) if np.isfinite(f) else 0.0 for f in largest]
+
+
+def _along(dae: Dae, expression: Any, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
+    """An expression of the model along a followed trajectory, (rows, M)."""
     arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
-    function = ca.Function("velocity", arguments, [ca.densify(dae.variables[law.velocity])])
+    function = ca.Function("along", arguments, [ca.densify(expression)])
     dx, x, z = followed.at(number, times)
     u = followed.horizons[number].input_at(times)
     values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
-    return np.asarray(values, dtype=np.float64).ravel()
+    return np.asarray(values, dtype=np.float64)

@@ -115,6 +115,7 @@ class _Work:
             program.start,
             program.values,
             program.transcription,
+            program.at_rest,
             [k for k in program.transcription.soft if k not in self.given],
             self.open_outputs,
             least_std,

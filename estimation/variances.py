@@ -19,6 +19,8 @@ import numpy as np
 from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
+from .rest import with_room
+
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
@@ -51,6 +53,7 @@ def choose_weights(
     start: Array,
     values: Values,
     transcription: Transcription,
+    at_rest: Array,
     places: Collection[int],
     outputs: Sequence[Collection[str]],
     least_std: Mapping[int, float],
@@ -59,7 +62,8 @@ def choose_weights(
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
-    solve(decisions, values, to the full tolerance) -> Solution. outputs: of every horizon those whose noise nobody gave; what nobody
+    solve(decisions, values, to the full tolerance) -> Solution. at_rest (n_soft, N): what the values have near rest (`rest.py`), which
+    tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody
     gave of one output is one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower;
     least_noise (H, ny): the same for the factors on the outputs' first standard deviations.
     """
@@ -68,13 +72,13 @@ def choose_weights(
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
     open_forces = [i for i, k in enumerate(transcription.soft) if k in places]
     lowest = [least_std.get(k, 0.0) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
-    families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300))) for i in open_forces]
+    families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300)), _moving(at_rest[i])) for i in open_forces]
     for i in np.flatnonzero(is_open.any(axis=0)).tolist():
         least = float(np.log(least_noise[is_open[:, i], i].max()))
         families.append(Family("samples", i, least, _samples_of(transcription, is_open[:, i])))
     iterations, rounds, settled, cost = 0, 0, not families, np.inf
     for rounds in range(1, ROUNDS + 1) if families else ():
-        solution = solve(start, _weighted(values, transcription, force_factor, output_factor), False)
+        solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
         if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED * cost:
@@ -93,7 +97,7 @@ def choose_weights(
         if change < CLOSE:
             settled = True
             break
-    solution = solve(start, _weighted(values, transcription, force_factor, output_factor), True)
+    solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
     return Choice(
         solution=solution,
         force_std=transcription.force_std * force_factor,
@@ -133,9 +137,15 @@ def _samples_of(transcription: Transcription, horizons: Mask) -> Mask:
     return np.repeat(horizons, [len(h.time) for h in transcription.horizons])
 
 
-def _weighted(values: Values, transcription: Transcription, force_factor: Array, output_factor: Array) -> Values:
+def _moving(at_rest: Array) -> Mask | None:
+    """The intervals (N,) that are not near rest; all where there is no other."""
+    return at_rest == 0 if np.any(at_rest == 0) else None
+
+
+def _weighted(values: Values, transcription: Transcription, at_rest: Array, force_factor: Array, output_factor: Array) -> Values:
     """The program's numbers with these factors on the first standard deviations."""
-    values = transcription.with_force_std(values, force_factor[:, None])
+    std = transcription.force_std
+    values = transcription.with_force_std(values, with_room(force_factor * std, at_rest) / with_room(std, at_rest))
     factor = np.repeat(output_factor, [len(h.time) for h in transcription.horizons], axis=0).T
     scale = tuple(s / factor if t.name == "samples" else s for t, s in zip(transcription.nlp.terms, values.scale, strict=True))
     return replace(values, scale=scale)

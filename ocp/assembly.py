@@ -23,7 +23,7 @@ class Assembled:
     def __init__(self, nlp: Nlp) -> None:
         self._nlp = nlp
         self.x = ca.MX.sym("X", nlp.size)
-        self.p, (parameters, self._unit, self._gamma, numbers) = _symbols(nlp)
+        self.p, (parameters, self._unit, numbers) = _symbols(nlp)
         step, n = self._unit * self.x, nlp.trajectory_size
         self._lam_f, self._lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
         self._blocks = [Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
@@ -99,14 +99,38 @@ class Assembled:
 
     @cached_property
     def hess(self) -> Any:
-        """Upper triangle of the Hessian of the Lagrangian, Gauss-Newton's when gamma = 0."""
-        entries = Scatter()
-        parts = zip(self._blocks, self._arguments, self._jacobians, self._scales, self._multipliers(), strict=True)
-        for block, arguments, J, scale, multiplier in parts:
-            if not block.term.equality:
-                entries.add(*block.square_entries(), self._lam_f * block.to_intervals(block.square(block.scaled(J, scale))))
+        """Upper triangle of the Hessian of the Lagrangian."""
+        entries = self._squares()
+        for block, arguments, multiplier in zip(self._blocks, self._arguments, self._multipliers(), strict=True):
             if block.curved:
-                entries.add(*block.hessian_entries(), self._gamma * block.to_intervals(block.hessian(*arguments, multiplier)))
+                entries.add(*block.hessian_entries(), block.to_intervals(block.hessian(*arguments, multiplier)))
+        return self._hessian(entries)
+
+    @cached_property
+    def gauss_newton(self) -> Any:
+        """Upper triangle of the cost's Gauss-Newton Hessian, as a function of the same arguments."""
+        return self._hessian(self._squares())
+
+    @cached_property
+    def kkt(self) -> Any:
+        """Upper triangle of the Gauss-Newton Hessian without the heavy terms, and the Jacobian of constraints and heavy terms."""
+        entries, offset = Scatter(), 0
+        for block, J, scale in zip(self._blocks, self._jacobians, self._scales, strict=True):
+            if block.term.equality or block.term.heavy:
+                entries.add(*block.jacobian_entries(offset), block.scaled(J, scale))
+                offset += block.term.target.size
+        squares = self._squares(heavy=False).matrix(self._nlp.size, self._nlp.size, self._unit, self._unit)
+        matrix = entries.matrix(offset, self._nlp.size, None, self._unit)
+        return self._function("kkt", [], [ca.substitute(squares, self._lam_f, 1.0), matrix], [], ["hessian", "jacobian"])
+
+    def _squares(self, *, heavy: bool = True) -> Scatter:
+        entries = Scatter()
+        for block, J, scale in zip(self._blocks, self._jacobians, self._scales, strict=True):
+            if not block.term.equality and (heavy or not block.term.heavy):
+                entries.add(*block.square_entries(), self._lam_f * block.to_intervals(block.square(block.scaled(J, scale))))
+        return entries
+
+    def _hessian(self, entries: Scatter) -> Any:
         matrix = entries.matrix(self._nlp.size, self._nlp.size, self._unit, self._unit)
         return self._function("hess_l", [self._lam_f, self._lam_g], [matrix], ["lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
 
@@ -127,13 +151,13 @@ class Assembled:
         return ca.Function(f"nlp_{name}", [self.x, self.p, *inputs], outputs, ["x", "p", *names_in], names_out)
 
 
-def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, Any, list[tuple[Any, Any, Any, Any]]]]:
+def _symbols(nlp: Nlp) -> tuple[Any, tuple[Any, Any, list[tuple[Any, Any, Any, Any]]]]:
     """The packed `p` of the program and its parts, in the order of `Values.packed`."""
-    shapes = [(nlp.parameter_count, 1), (nlp.size, 1), (1, 1)]
+    shapes = [(nlp.parameter_count, 1), (nlp.size, 1)]
     for term in nlp.terms:
         shapes += [(nlp.interpolation.rows * term.places, term.columns), term.data.shape, term.target.shape, term.scale.shape]
     sizes = [rows * columns for rows, columns in shapes]
     p = ca.MX.sym("p", sum(sizes))
     edges = np.cumsum([0, *sizes]).tolist()
     parts = [ca.reshape(p[a:b], *shape) for a, b, shape in zip(edges[:-1], edges[1:], shapes, strict=True)]
-    return p, (parts[0], parts[1], parts[2], list(zip(*(parts[k::4] for k in range(3, 7)), strict=True)))
+    return p, (parts[0], parts[1], list(zip(*(parts[k::4] for k in range(2, 6)), strict=True)))

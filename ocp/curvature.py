@@ -3,11 +3,14 @@
 The inverse of the KKT matrix of the Gauss-Newton program,
 
     | H  J' |^-1   | C  . |
-    | J  0  |    = | .  . |,         C = covariance of all unknowns given the data, on the constraints,
+    | J -d  |    = | .  . |,         C = covariance of all unknowns given the data, on the constraints,
 
-is block-tridiagonal in time with a border. Block k holds the interior of interval k, x(t_(k+1)) and the multipliers of the interval's
-constraints, which determine them from x(t_k): no block is singular, and elimination runs with time, in which a plant forgets. The first
-knot of every horizon, the multipliers of what must hold there, and the parameters form the border.
+with d = 0 for a constraint. A square of the cost that may be as heavy as one has its row in J too, in units in which J is of order one,
+and d = 1 over its weight there: squared and summed, it would leave nothing of the light ones.
+
+The matrix is block-tridiagonal in time with a border. Block k holds the interior of interval k, x(t_(k+1)) and the multipliers of the
+interval's rows of J, which determine them from x(t_k): no block is singular, and elimination runs with time, in which a plant forgets. The
+first knot of every horizon, the multipliers of what must hold there, and the parameters form the border.
 With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
 
     C_bb = S^-1,    C_cc = H_cc^-1 + X C_bb X',    C_cb = -X C_bb
@@ -42,7 +45,8 @@ class Curvature:
     """Covariances in the units of the model.
 
     parameter_covariance (np, np). interval_covariance (N, local + np, local + np): of every interval's local unknowns and the
-    parameters, both given the null directions. log_determinant of the KKT matrix in the program's units, without them.
+    parameters, both given the null directions. log_determinant of the KKT matrix in the program's units, without them
+    and with the heavy terms in H.
     null (r, H nx + np): the null directions, as the first states of every horizon and the parameters move along each.
     interval_null (N, local + np, r): the same at every interval's local unknowns, as long as rounding could hide.
     definite: whether the solution is a minimum, strict but for the null directions.
@@ -87,7 +91,7 @@ class Places:
 
 
 def arrange(nlp: Nlp) -> Places:
-    """The places of all unknowns, in the order trajectory, parameters, multipliers."""
+    """The places of all unknowns, in the order trajectory, parameters, multipliers of constraints and heavy terms."""
     ip, index = nlp.interpolation, nlp.index
     nx, own, intervals, n, free = ip.states, ip.interior + ip.states, index.shape[1], nlp.trajectory_size, len(nlp.free)
     starts = np.flatnonzero(np.insert(index[0, 1:] != index[own, :-1], 0, True))
@@ -102,7 +106,7 @@ def arrange(nlp: Nlp) -> Places:
             blocks.append(np.full(term.target.size, -1))
             places.append(edge + np.arange(term.target.size))
             edge += term.target.size
-        elif term.equality:
+        elif term.equality or term.heavy:
             m = term.target.shape[0]
             blocks.append(np.repeat(term.interval, m))
             places.append((used[term.interval][:, None] + np.arange(m)).ravel())
@@ -113,16 +117,17 @@ def arrange(nlp: Nlp) -> Places:
     )
 
 
-def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: Array, known: Index) -> Curvature:
-    """Covariances from the (upper triangle of the) Hessian and the Jacobian in units `unit`; `known` decisions are fixed.
+def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softness: Array, unit: Array, known: Index) -> Curvature:
+    """Covariances from H (its upper triangle), J and d = softness (rows of J,) in units `unit`; `known` decisions are fixed.
 
     Raises numpy.linalg.LinAlgError when the first states and the parameters together do not determine the rest.
     """
     at, n = arrange(nlp), nlp.trajectory_size
     upper, J = hessian.tocoo(), jacobian.tocoo()
-    rows = np.concatenate([upper.row, nlp.size + J.row])
-    columns = np.concatenate([upper.col, J.col])
-    values = np.concatenate([upper.data, J.data])
+    soft = np.flatnonzero(softness)
+    rows = np.concatenate([upper.row, nlp.size + J.row, nlp.size + soft])
+    columns = np.concatenate([upper.col, J.col, nlp.size + soft])
+    values = np.concatenate([upper.data, J.data, -softness[soft]])
     fixed = np.zeros(len(at.block), dtype=bool)
     fixed[known] = True
     keep = ~(fixed[rows] | fixed[columns])
@@ -130,6 +135,8 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     idle = np.ones((at.count, at.size), dtype=bool)
     inside = (at.block >= 0) & ~fixed
     idle[at.block[inside], at.place[inside]] = False
+    own = nlp.interpolation.interior + nlp.interpolation.states
+    seen = np.abs(diagonal[:, np.arange(own), np.arange(own)]).max(axis=1, initial=0.0)
     k, i = np.nonzero(idle)
     diagonal[k, i, i] = 1.0
     gone = at.place[fixed & (at.block < 0)]
@@ -137,7 +144,9 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     tree = factor(diagonal, lower)
     X = tree.solve(border)
     S = corner - np.einsum("kbi,kbj->ij", border, X)
-    D = _units(S, np.abs(np.diag(corner)) + np.einsum("kbi,kbi->i", np.abs(border), np.abs(X)))
+    # a multiplier that is zero but for rounding says nothing of the rounding: what its interval's unknowns are seen by does
+    moved = np.abs(X[:, :own]).max(axis=1, initial=0.0)
+    D = _units(S, np.abs(np.diag(corner)) + np.einsum("kbi,kbi->i", np.abs(border), np.abs(X)) + seen @ moved**2)
     e, Q = np.linalg.eigh(S / np.outer(D, D))
     lost = np.abs(e) < ROUNDING
     N, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
@@ -160,7 +169,8 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, unit: A
     return Curvature(
         parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
         interval_covariance=_local_covariances(nlp, at, tree, rows, C, idle) * scale[:, :, None] * scale[:, None, :],
-        log_determinant=tree.log_abs_determinant + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D))),
+        log_determinant=tree.log_abs_determinant
+        + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D)) - np.sum(np.log(softness[soft]))),
         null=np.concatenate([N[:edge], N[at.border - len(theta) :]]).T * first,
         interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(ROUNDING),
         definite=definite,

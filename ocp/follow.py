@@ -3,7 +3,8 @@
     min  1/2 sum_k |(y_k - h)/std|^2  +  1/2 int |a / alpha|^2 dt,        a = x' of every state (x'' of a position)
 
 over the splines of a transcription, by Gauss-Newton with a banded Cholesky factor. alpha grows from stiff to soft until the samples are
-met within their deviations, or until softer does not help. A state that no output shows stays near zero.
+met within their deviations, or until softer does not help. A state that no output shows stays near zero; algebraic variables
+are those that go with the states (`algebraic.py`).
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ import scipy.sparse as sp
 
 from backsight.models import Dae
 
+from .algebraic import algebraics_along
 from .horizon import Horizon
 from .ipopt import Solver
+from .passing import passing_through
 from .pieces import Pieces
 from .polynomials import Array, gauss
 from .spline import pairs
@@ -66,11 +69,12 @@ def follow(dae: Dae, horizons: Sequence[Horizon], parameters: Array, *, degree: 
     close = Solver(replace(t.nlp, terms=(samples,)))
     count = max(1, int(np.count_nonzero(samples.scale)))
     curvature = rough.hessian(np.zeros(t.nlp.size), rough.nlp.values(parameters))[0]
-    x, met = _level(t), np.inf
-    values = replace(close.nlp.values(parameters), gamma=0.0)
-    curved = close.nlp.assembled.hess.nnz_out(0) > 0 and not _linear_output(dae)
+    x, met = _with_algebraics(t, _level(t), parameters), np.inf
+    values = close.nlp.values(parameters)
+    curved = not _linear_output(dae)
     for _ in range(RELINEARISATIONS if curved else 1):
         x, met = _softest_needed(close, values, curvature, x, count)
+        x = _with_algebraics(t, x, parameters)
     return Followed(transcription=t, horizons=tuple(horizons), decisions=x, mean_square=met)
 
 
@@ -135,6 +139,20 @@ def _level(t: Transcription) -> Array:
     for i, state in enumerate(t.dae.states):
         x[t.nlp.index[i]] = x[t.nlp.index[ip.states + ip.interior + i]] = state.start
     return x
+
+
+def _with_algebraics(t: Transcription, decisions: Array, parameters: Array) -> Array:
+    """The same states with the algebraic variables that go with them."""
+    if not t.dae.algebraics:
+        return decisions
+    states = Followed(transcription=t, horizons=t.horizons, decisions=decisions)
+
+    def curve(number: int, times: Array) -> tuple[Array, Array]:
+        dx, x, _ = states.at(number, times)
+        horizon = t.horizons[number]
+        return x, algebraics_along(t.dae, dx, x, horizon.input_at(times), parameters, horizon.clock + times)
+
+    return passing_through(t, curve)
 
 
 def _linear_output(dae: Dae) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -83,7 +83,7 @@ class Solver:
     nlp: Nlp
     options: Options = Options()
 
-    def _make(self, max_iterations: int) -> Any:
+    def _make(self, hessian: Any, max_iterations: int) -> Any:
         a = self.nlp.assembled
         program = ca.Function("program", [a.x, a.p], [a.f(a.x, a.p), a.g(a.x, a.p)], ["x", "p"], ["f", "g"])
         ipopt: dict[str, Any] = {
@@ -109,18 +109,18 @@ class Solver:
             "show_eval_warnings": False,
             "grad_f": a.grad,
             "jac_g": a.jac,
-            "hess_lag": a.hess,
+            "hess_lag": hessian,
             "error_on_fail": False,
         }
         return ca.nlpsol("solver", "ipopt", program, options)
 
     @cached_property
     def _gauss_newton(self) -> Any:
-        return self._make(self.options.gauss_newton_iterations)
+        return self._make(self.nlp.assembled.gauss_newton, self.options.gauss_newton_iterations)
 
     @cached_property
     def _newton(self) -> Any:
-        return self._make(self.options.max_iterations)
+        return self._make(self.nlp.assembled.hess, self.options.max_iterations)
 
     def solve(
         self,
@@ -141,13 +141,13 @@ class Solver:
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
         if not np.all(np.isfinite(start)):
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
-        n, gamma = self.nlp.trajectory_size, 0.0
+        n, exact = self.nlp.trajectory_size, False
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, decisions)
-            solver = self._newton if gamma else self._gauss_newton
+            solver = self._newton if exact else self._gauss_newton
             answer = solver(
                 x0=np.zeros(self.nlp.size),
-                p=replace(here, gamma=gamma).packed(),
+                p=here.packed(),
                 lbx=here.scaled(lower),
                 ubx=here.scaled(upper),
                 lbg=0.0,
@@ -162,15 +162,15 @@ class Solver:
                 decisions, cost = here.decisions(X), float(answer["f"])
                 multipliers = np.asarray(answer["lam_g"], dtype=np.float64).ravel()
             if progress is not None:
-                progress(f"{'Newton' if gamma else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
+                progress(f"{'Newton' if exact else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
             now, then = decisions[n:][self.nlp.referred], here.reference[n:][self.nlp.referred]
             moved = np.abs(now - then) > self.options.drift * np.abs(now)
             if status.converged and not np.any(moved):
                 break
             if not status.converged:
-                if status is Status.INTERRUPTED or gamma or not newton:
+                if status is Status.INTERRUPTED or exact or not newton:
                     break
-                gamma = 1.0
+                exact = True
         return Solved(
             decisions=decisions,
             cost=cost,
@@ -181,11 +181,24 @@ class Solver:
             on_bound=_on_bound(decisions, lower, upper, values.unit),
         )
 
-    def hessian(self, decisions: Array, values: Values, multipliers: Array | None = None) -> tuple[sp.csc_matrix, sp.csc_matrix]:
-        """Upper triangle of the Hessian and the Jacobian of the constraints, in the program's units."""
+    def hessian(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+        """Upper triangle of the Gauss-Newton Hessian and the Jacobian of the constraints, in the program's units."""
         a, x, p = self.nlp.assembled, values.scaled(decisions), values.packed()
-        lam = np.zeros(self.nlp.constraint_count) if multipliers is None else multipliers
-        return _sparse(a.hess(x, p, 1.0, lam)), self.jacobian(decisions, values)
+        return _sparse(a.gauss_newton(x, p, 1.0, np.zeros(self.nlp.constraint_count))), self.jacobian(decisions, values)
+
+    def kkt(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix, Array]:
+        """H (upper triangle), J and d (rows of J,) of the Gauss-Newton KKT matrix [H J'; J -diag(d)], in the program's units.
+
+        Constraints have d = 0. A heavy term has its rows r among those of J, with multipliers of their own, r = J dX = d lambda: squares
+        of numbers that differ by ten decades would leave nothing of the small ones.
+        """
+        H, J = (_sparse(m) for m in self.nlp.assembled.kkt(values.scaled(decisions), values.packed()))
+        heavy = np.concatenate(
+            [np.full(t.target.size, t.heavy) for t in self.nlp.terms if t.equality or t.heavy] or [np.empty(0, dtype=bool)]
+        )
+        size = abs(J).max(axis=1).toarray().ravel() if J.shape[0] else np.empty(0)
+        size = np.where(heavy & (size > 0), size, 1.0)
+        return H, sp.csc_matrix(sp.diags(1.0 / size) @ J), np.where(heavy, size**-2.0, 0.0)
 
     def jacobian(self, decisions: Array, values: Values) -> sp.csc_matrix:
         """The Jacobian of the constraints, in the program's units."""

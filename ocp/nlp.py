@@ -14,7 +14,7 @@ No derivative is taken of the whole program. Each term's function is differentia
 that small function is mapped over all columns and its values are summed and scattered into the known sparsity. Work,
 memory and construction time are therefore linear in the number of columns, and the sparsity is never searched.
 
-The Hessian is  sum J'J + gamma * sum r . d2r + gamma * sum lambda . d2g:  gamma = 0 is Gauss-Newton, gamma = 1 is exact.
+The Hessian is  sum J'J + sum r . d2r + sum lambda . d2g;  Gauss-Newton's is the first sum alone.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Values:
 
     parameters (np_all,): every model parameter; of the free ones the reference, which is where the decisions are measured from.
     data, target, scale: one array per term, shaped as in `Term`. reference, unit (n + np,): decisions = reference + unit * X.
-    base: per term, [dx; x; z; w] of the reference at its places, (S * rows of T, C). gamma: see above.
+    base: per term, [dx; x; z; w] of the reference at its places, (S * rows of T, C).
     """
 
     parameters: Array
@@ -49,7 +49,6 @@ class Values:
     reference: Array
     unit: Array
     base: tuple[Array, ...]
-    gamma: float = 1.0
 
     def scaled(self, decisions: Array) -> Array:
         """X of decisions in the units of the model."""
@@ -61,7 +60,7 @@ class Values:
 
     def packed(self) -> Array:
         """One vector, the program's `p`."""
-        arrays = [self.parameters, self.unit, np.array([self.gamma])]
+        arrays = [self.parameters, self.unit]
         for term in zip(self.base, self.data, self.target, self.scale, strict=True):
             arrays += [a.ravel(order="F") for a in term]
         return np.concatenate(arrays)
@@ -108,7 +107,7 @@ class Nlp:
         """The program as CasADi functions of (X, p)."""
         return Assembled(self)
 
-    def values(self, parameters: Array, *, gamma: float = 1.0) -> Values:
+    def values(self, parameters: Array) -> Values:
         """The numbers that the terms were made with."""
         reference = np.zeros(self.size)
         reference[self.trajectory_size :] = parameters[list(self.free)]
@@ -120,7 +119,6 @@ class Nlp:
             reference=reference,
             unit=np.ones(self.size),
             base=tuple(np.zeros((self.interpolation.rows * t.places, t.columns)) for t in self.terms),
-            gamma=gamma,
         )
 
     def about(self, values: Values, decisions: Array) -> Values:

@@ -55,9 +55,9 @@ class Solution:
     @cached_property
     def curvature(self) -> Curvature | None:
         """Covariances from the Gauss-Newton KKT matrix; None where it is not that of a minimum."""
-        hessian, jacobian = self.solver.hessian(self.solved.decisions, replace(self.values, gamma=0.0))
+        hessian, jacobian, softness = self.solver.kkt(self.solved.decisions, self.values)
         try:
-            found = curvature(self.transcription.nlp, hessian, jacobian, self.values.unit, self._known)
+            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, self._known)
         except np.linalg.LinAlgError:
             return None
         return found if found.definite else None

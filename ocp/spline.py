@@ -66,6 +66,7 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
                     target=np.zeros((degree * len(rows), len(steps))),
                     scale=np.tile(scale, degree)[:, None] * np.sqrt(steps),
                     equality=name == "equations",
+                    heavy=name == "balances",
                 )
             )
     return terms

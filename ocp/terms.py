@@ -28,6 +28,7 @@ class Term:
     function: casadi.Function (v, p, p_ref, d) -> phi, shapes (rows of T), (all parameters) twice, (nd) -> (m); p_ref: `Values`.
     interval (C,): of every column. tau (C,): its place there; or nodes (S,): the same places in all.
     moments (S, K): None is the identity, every node a row group of its own.
+    heavy: squares over whole intervals whose weight may grow until they are all but constraints.
     data (S nd, C): what belongs to the places (held inputs, ...), one place below the other. target, scale (K m, C).
     """
 
@@ -41,6 +42,7 @@ class Term:
     nodes: Array | None = None
     moments: Array | None = None
     equality: bool = False
+    heavy: bool = False
 
     @property
     def columns(self) -> int:

@@ -36,7 +36,7 @@ def program(name: str, method: str, *, horizons: int = 1, known: bool = False, s
 
 def dense(t: Transcription, solution: Solution) -> tuple[np.ndarray, int]:
     """Covariance of all unknowns from the dense KKT matrix, known ones taken out, and the number of its negative eigenvalues."""
-    values = replace(solution.values, gamma=0.0)
+    values = solution.values
     upper, J = (m.toarray() for m in solution.solver.hessian(solution.solved.decisions, values))
     H, size = upper + np.triu(upper, 1).T, t.nlp.size
     known = np.concatenate([start[h.initial_std == 0] for start, h in zip(t.starts, t.horizons, strict=True)])
@@ -91,7 +91,7 @@ def test_covariances_are_blocks_of_the_dense_inverse(name, method, horizons, sof
 def test_the_log_determinant_is_that_of_the_kkt_matrix(method):
     t = program("lagged", method)
     solution = at_a_point(t)
-    upper, J = (m.toarray() for m in solution.solver.hessian(solution.solved.decisions, replace(solution.values, gamma=0.0)))
+    upper, J = (m.toarray() for m in solution.solver.hessian(solution.solved.decisions, solution.values))
     kkt = np.block([[upper + np.triu(upper, 1).T, J.T], [J, np.zeros((len(J), len(J)))]])
     assert found(solution).log_determinant == pytest.approx(np.linalg.slogdet(kkt)[1], rel=1e-9)
 
@@ -146,7 +146,7 @@ def test_what_the_data_leave_open_is_named_and_all_else_has_the_variance_of_the_
     )
     solution = Solution(transcription=t, solver=Solver(t.nlp), values=values, solved=solved)
 
-    upper, J = (m.toarray() for m in solution.solver.hessian(decisions, replace(values, gamma=0.0)))
+    upper, J = (m.toarray() for m in solution.solver.hessian(decisions, values))
     basis = np.linalg.svd(J)[2][np.linalg.matrix_rank(J) :].T if len(J) else np.eye(t.nlp.size)
     H = basis.T @ (upper + np.triu(upper, 1).T) @ basis
     size = 1 / np.sqrt(np.maximum(np.diag(H), 1e-12))
@@ -247,8 +247,8 @@ def test_an_index_three_model_with_invariants_has_the_dense_covariance():
 def test_known_decisions_have_no_variance():
     t = program("lagged", "spline", known="partly")
     solution = at_a_point(t)
-    hessian, jacobian = solution.solver.hessian(solution.solved.decisions, replace(solution.values, gamma=0.0))
-    c = curvature(t.nlp, hessian, jacobian, solution.values.unit, t.starts[0][:2])
+    kkt = solution.solver.kkt(solution.solved.decisions, solution.values)
+    c = curvature(t.nlp, *kkt, solution.values.unit, t.starts[0][:2])
     assert np.all(c.interval_covariance[0][:2] == 0.0)
     assert np.all(c.interval_covariance[0][:, :2] == 0.0)
     assert c.interval_covariance[0][2, 2] > 0
