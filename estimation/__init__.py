@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .problem import Free, Problem, Weights
-    from .recording import InputColumn, OutputColumn, Recording
+    from .recordings.recording import InputColumn, OutputColumn, Recording
     from .results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
     from .simulation import Simulation, simulate_study
-    from .smoother import smooth
-    from .study import Study
+    from .smoothing.smoother import smooth
+    from .study.study import Study
 
 _HOME = {
     "problem": ("Free", "Problem", "Weights"),
-    "recording": ("InputColumn", "OutputColumn", "Recording"),
+    "recordings.recording": ("InputColumn", "OutputColumn", "Recording"),
     "results": ("OutputFit", "ParameterEstimate", "ResidualSummary", "Smoothing", "SolverFacts"),
     "simulation": ("Simulation", "simulate_study"),
-    "smoother": ("smooth",),
-    "study": ("Study",),
+    "smoothing.smoother": ("smooth",),
+    "study.study": ("Study",),
 }
 
 __all__ = [

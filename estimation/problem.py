@@ -11,7 +11,7 @@ import numpy as np
 from backsight.models import Dae, Model, compile_model
 from backsight.models.errors import InputError, suggestion
 
-from .recording import Recording
+from .recordings.recording import Recording
 
 
 @dataclass(frozen=True)

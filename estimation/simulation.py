@@ -11,10 +11,10 @@ import pandas as pd
 
 from backsight.models import Dae, simulate
 
-from .recording import Recording
+from .fit import output_fit
+from .recordings.recording import Recording
 from .results import OutputFit
-from .study import Study
-from .uncertainty import output_fit
+from .study.study import Study
 from .workers import workers
 
 

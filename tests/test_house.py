@@ -102,7 +102,7 @@ def test_models_and_ocp_do_not_need_what_only_the_command_needs():
 
 def test_help_is_quick_because_nothing_heavy_is_imported_for_it():
     code = (
-        "import sys; from backsight.estimation.cli import main; main(['--help'])\n"
+        "import sys; from backsight.estimation.command.cli import main; main(['--help'])\n"
         "print('loaded:', *sorted({'casadi', 'scipy', 'pandas', 'plotly', 'pint'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True)
@@ -144,7 +144,7 @@ def test_a_class_has_one_identity_however_it_is_reached():
 
 def test_the_installed_command_is_the_one_of_this_package():
     (command,) = entry_points(group="console_scripts", name="backsight")
-    assert command.value == "backsight.estimation.cli:main"
+    assert command.value == "backsight.estimation.command.cli:main"
 
 
 def test_every_package_is_marked_as_typed():

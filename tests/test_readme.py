@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from backsight.estimation.cli import main
+from backsight.estimation.command.cli import main
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 

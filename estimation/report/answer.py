@@ -13,7 +13,7 @@ from .evidence import Columns, autocorrelation, companion, own_states
 from .quantities import count, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
-    from ..recording import Recording
+    from ..recordings.recording import Recording
     from ..results import ParameterEstimate, Smoothing
 
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]

@@ -17,7 +17,7 @@ from .quantities import count, quantity
 from .tables import facts, fit_table, parameter_table, prediction_table, weight_table
 
 if TYPE_CHECKING:
-    from ..recording import Recording
+    from ..recordings.recording import Recording
     from ..results import Prediction, Smoothing
 
 __all__ = ["write_report"]

@@ -18,7 +18,7 @@ from .quantities import number, percent, pretty, quantity
 from .tables import table
 
 if TYPE_CHECKING:
-    from ..recording import Recording
+    from ..recordings.recording import Recording
 
 __all__ = ["write_simulation_report"]
 

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from backsight.estimation.recording import Recording
-from backsight.estimation.smoother import smooth
-from backsight.estimation.study import Study
+from backsight.estimation.recordings.recording import Recording
+from backsight.estimation.smoothing.smoother import smooth
+from backsight.estimation.study.study import Study
 from backsight.models import compile_model, simulate
 from backsight.models.plants import PLANTS
 
@@ -36,7 +36,7 @@ def timed(what: str, call: Callable[[], object], runs: int = 5) -> None:
 
 def start(*arguments: str) -> Callable[[], object]:
     """A call that starts the command in a process of its own."""
-    code = "import sys; from backsight.estimation.cli import main; sys.exit(main())"
+    code = "import sys; from backsight.estimation.command.cli import main; sys.exit(main())"
     return lambda: subprocess.run([sys.executable, "-c", code, *arguments], check=True, stdout=subprocess.DEVNULL)
 
 

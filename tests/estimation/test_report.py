@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 import pytest
 
 from backsight.estimation.problem import Weights
-from backsight.estimation.recording import Recording
+from backsight.estimation.recordings.recording import Recording
 from backsight.estimation.report import write_report, write_simulation_report
 from backsight.estimation.results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 

@@ -1,0 +1,145 @@
+"""What the verbs of the command do: read the study, call the API, write the folder, print a summary."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..study.study import Study
+from ..workers import workers
+from .interrupt import check
+from .output import json_text, results_folder, write_estimates, write_result
+from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing
+from .terminal import console, parameter_table, simulation_table
+
+if TYPE_CHECKING:
+    from ..results import Smoothing
+
+DONE, NO_CONVERGENCE = 0, 3
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What every verb takes: the folder of the results, where to work, what to print."""
+
+    out: Path | None = None
+    jobs: int = 1
+    scheduler: str | None = None
+    quiet: bool = False
+    json: bool = False
+
+
+def run_demo(options: Options) -> int:
+    """Smooth the bundled study."""
+    bundled = Path(str(files("backsight.data"))) / "demo.toml"
+    return _smooth(Study.read(bundled, label="demo.toml"), options.out or Path("backsight_demo"), options, command="demo")
+
+
+def run_smooth(path: Path, options: Options) -> int:
+    """Smooth a study."""
+    return _smooth(Study.read(path), options.out or _named_after(path), options, command="smooth")
+
+
+def run_simulate(path: Path, options: Options, estimates: Path | None = None) -> int:
+    """Simulate a study, with the parameters estimated in the results folder `estimates` where one is given."""
+    from ..report import write_simulation_report
+    from ..simulation import simulate_study
+
+    study = Study.read(path)
+    estimated = {} if estimates is None else estimated_parameters(estimates, study.dae)
+    out = options.out or _named_after(path)
+    with results_folder(out) as folder, _progress(options) as say:
+        answer = simulate_study(study, estimated, jobs=options.jobs, scheduler=options.scheduler, progress=say)
+        say("writing the report")
+        result = result_of_simulation(answer, study.dae)
+        write_result(result, folder / "result.json")
+        write_estimates(answer.estimates, folder / "estimates.csv")
+        listed = {name: (p["value"], p["unit"]) for name, p in result["parameters"].items()}
+        page = folder / "report.html"
+        write_simulation_report(answer.estimates, study.recordings, page, model=answer.model, units=answer.units, parameters=listed)
+    _say(options, result, lambda: simulation_table(answer), out)
+    return DONE
+
+
+def print_models(name: str | None, *, json: bool) -> int:
+    """The list of plants, or all about one of them."""
+    from .catalogue import catalogue, description, details
+
+    if json:
+        sys.stdout.write(json_text(details(name) if name else {"models": catalogue()}))
+    else:
+        sys.stdout.write(description(name) if name else "".join(f"{n:12s} {text}\n" for n, text in catalogue().items()))
+    return DONE
+
+
+def write_fmu(name: str | None, path: Path) -> int:
+    """One model as an FMU."""
+    from backsight.models.errors import InputError
+    from backsight.models.exchange import export_fmu
+
+    from ..study.model_source import compiled, load_model
+
+    if name is None:
+        raise InputError(f"--fmu {path}: no model is named; write backsight models NAME --fmu {path}")
+    written = export_fmu(compiled(load_model(name, Path(), label="models"), label=f"models {name}"), path)
+    sys.stdout.write(f"{written}\n")
+    return DONE
+
+
+def _smooth(study: Study, out: Path, options: Options, *, command: str) -> int:
+    from ..report import write_report
+    from ..smoothing.smoother import smooth
+
+    with results_folder(out) as folder, workers(options.jobs, options.scheduler), _progress(options) as say:
+        say("reading the study")
+        problem = study.problem()
+        answer: Smoothing = smooth(problem, progress=say)
+        say("writing the report")
+        result = result_of_smoothing(answer, command=command)
+        write_result(result, folder / "result.json")
+        write_estimates(answer.estimates, folder / "estimates.csv")
+        write_report(answer, folder / "report.html", recordings=problem.recordings)
+    _say(options, result, lambda: parameter_table(answer), out)
+    if not answer.solver.converged:
+        sys.stderr.write(f"error: no convergence: {answer.solver.status.rstrip('.')}; what there is, is in {out}, marked\n")
+        return NO_CONVERGENCE
+    return DONE
+
+
+def _named_after(study: Path) -> Path:
+    """The folder beside the study that has its name, without .toml."""
+    return study.with_suffix("") if study.suffix else study.with_name(f"{study.name}_results")
+
+
+@contextmanager
+def _progress(options: Options) -> Iterator[Progress]:
+    """What is being done, on standard error while it is a terminal."""
+    screen = console(stderr=True)
+    if options.quiet or not screen.is_terminal:
+        yield lambda _: check()
+        return
+    with screen.status("starting") as status:
+
+        def say(text: str) -> None:
+            check()
+            status.update(text)
+
+        yield say
+
+
+def _say(options: Options, result: dict[str, Any], table: Callable[[], Any], out: Path) -> None:
+    if options.json:
+        sys.stdout.write(json_text(result))
+    elif not options.quiet:
+        screen = console()
+        screen.print(table())
+        for note in result.get("notes", ()):
+            screen.print(f"- {note}", soft_wrap=True, highlight=False, markup=False)
+        written = "report.html" if (out / "report.html").exists() else "result.json"
+        screen.print(f"results: {out / written}", soft_wrap=True, highlight=False, markup=False)

@@ -1,0 +1,120 @@
+"""result.json: what the command says about its results, in plain numbers and words."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from backsight.models.errors import InputError, suggestion
+
+if TYPE_CHECKING:
+    from backsight.models import Dae
+
+    from ..results import OutputFit, Prediction, Smoothing
+    from ..simulation import Simulation
+
+
+def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
+    """The content of result.json for `smooth` and `demo`."""
+    return {
+        "command": command,
+        "model": answer.model,
+        "recordings": list(answer.estimates),
+        "parameters": {
+            name: {"value": p.value, "std": p.std, "unit": p.unit, "fixed": p.fixed, "identifiable": p.identifiable}
+            for name, p in answer.parameters.items()
+        },
+        "weights": {
+            "W": {
+                name: {"std": std} | ({"tau": answer.weights.tau[name]} if name in answer.weights.tau else {})
+                for name, std in answer.weights.W.items()
+            },
+            "V": {name: {"std": std} for name, std in answer.weights.V.items()},
+        },
+        "fit": _fit(answer.fit) | {name: _predicted(prediction) for name, prediction in answer.held_out.items()},
+        "residuals": {name: {"rms": r.rms, "unit": r.unit, "origin": r.origin} for name, r in answer.residual_places.items()},
+        "solver": {
+            "status": answer.solver.status,
+            "converged": answer.solver.converged,
+            "iterations": answer.solver.iterations,
+            "seconds": answer.solver.seconds,
+            "build_seconds": answer.solver.build_seconds,
+            "variables": answer.solver.variables,
+        },
+        "notes": list(answer.notes),
+        "version": version("backsight"),
+        "seed": None,
+    }
+
+
+def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
+    """The parameters that a result.json says were estimated, of the same model; `folder` holds it.
+
+    Those that were fixed stay what the study makes them. Raises InputError where there are no such results.
+    """
+    path = folder / "result.json"
+    try:
+        result = json.loads(path.read_text(encoding="utf-8"))
+        model = result["model"]
+        found = {str(name): float(p["value"]) for name, p in result["parameters"].items() if not p["fixed"]}
+    except OSError as error:
+        raise InputError(f"--estimates {folder}: {path} cannot be read ({error.strerror or error}); name a folder of results") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(f"--estimates {folder}: {path} holds no results of smooth; smooth the study anew") from None
+    if model != dae.name:
+        raise InputError(f'--estimates {folder}: these are results of the model "{model}" and the study has "{dae.name}"; use one model')
+    known = [p.name for p in dae.parameters]
+    for name, value in found.items():
+        if name not in known:
+            raise InputError(f'--estimates {folder}: {dae.name} has no parameter "{name}"; {suggestion(name, known)}')
+        if not math.isfinite(value):
+            raise InputError(f'--estimates {folder}: "{name}" is {value}; smooth the study anew')
+    if not found:
+        raise InputError(f"--estimates {folder}: nothing was estimated there; smooth a study with a parameter that has a guess")
+    return found
+
+
+def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
+    """The content of result.json for `simulate`: nothing is estimated, so every parameter is fixed and has no deviation."""
+    units = {p.name: p.unit for p in dae.parameters}
+    return {
+        "command": "simulate",
+        "model": answer.model,
+        "recordings": list(answer.estimates),
+        "parameters": {
+            name: {"value": value, "std": None, "unit": units[name], "fixed": True, "identifiable": None}
+            for name, value in answer.parameters.items()
+        },
+        "weights": {"W": {}, "V": {}},
+        "fit": _fit(answer.fit),
+        "solver": {
+            "status": "integrated to the end of every recording",
+            "iterations": 0,
+            "seconds": answer.seconds,
+            "build_seconds": answer.build_seconds,
+            "variables": len(dae.states) + len(dae.algebraics),
+        },
+        "version": version("backsight"),
+        "seed": None,
+    }
+
+
+def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[str, Any]:
+    return {
+        recording: {
+            name: {"rms": f.rms, "fit_percent": f.fit_percent, "whiteness_p": f.whiteness_p, "role": role} for name, f in outputs.items()
+        }
+        for recording, outputs in fit.items()
+    }
+
+
+def _predicted(prediction: Prediction) -> dict[str, Any]:
+    """The fit of what was held out: marked, and with the error over windows."""
+    (outputs,) = _fit({"": prediction.fit}, "held_out").values()
+    for name, rms in prediction.window_rms.items():
+        outputs[name] |= {"window_s": prediction.window_s, "window_rms": rms}
+    return dict(outputs)

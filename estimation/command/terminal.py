@@ -1,0 +1,49 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from ..results import Smoothing
+    from ..simulation import Simulation
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Standard output or standard error, as it is at this moment."""
+    return Console(stderr=stderr, highlight=False)
+
+
+def parameter_table(answer: Smoothing) -> Table:
+    """Estimated parameters with their deviations, then the fit of each output."""
+    table = Table(title=f"{answer.model}: {answer.solver.status}", title_justify="left", box=None, pad_edge=False)
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    for name, estimate in answer.parameters.items():
+        if not estimate.fixed:
+            table.add_row(name, str(estimate))
+    fits = [("fit", recording, outputs) for recording, outputs in answer.fit.items()]
+    fits += [("prediction", recording, prediction.fit) for recording, prediction in answer.held_out.items()]
+    for what, recording, outputs in fits:
+        for output, fit in outputs.items():
+            size = f"rms {fit.rms:.3g} {answer.units.get(output, '')} ({_share(fit.fit_percent)})"
+            table.add_row(f"{what} of {output}, {recording}", size)
+    return table
+
+
+def simulation_table(answer: Simulation) -> Table:
+    """The fit of each output of each recording."""
+    table = Table(title=f"{answer.model}: simulated", title_justify="left", box=None, pad_edge=False)
+    for heading in ("recording", "output", "rms", "fit"):
+        table.add_column(heading)
+    for recording, outputs in answer.fit.items():
+        for output, fit in outputs.items():
+            table.add_row(recording, output, f"{fit.rms:.4g} {answer.units[output]}", _share(fit.fit_percent))
+    return table
+
+
+def _share(percent: float | None) -> str:
+    return "no variation to explain" if percent is None else f"{percent:.2f} %"

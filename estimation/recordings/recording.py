@@ -1,0 +1,195 @@
+"""A recording: what a plant was given and what its sensors said, at the times they said it.
+
+    rec = Recording.read("run.csv", time="t_s", inputs={"F": "u_force_N"}, outputs={"x": OutputColumn("q_mm", std=2e-6, unit="mm")})
+
+The input of row k holds from t_k to t_(k+1); the outputs of row k are taken at t_k with that input already acting.
+A missing sample of an output is NaN. Nothing is filtered, resampled or assumed to be uniform in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from backsight.models.errors import InputError
+
+from ..wording import number
+from .delay import advance
+from .samples import check_clock, check_samples
+from .table import Table, read_table
+from .units import to_si
+
+Array = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True)
+class InputColumn:
+    """A column of a file and the unit its numbers are in (None: the SI unit of the model's signal)."""
+
+    column: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class OutputColumn(InputColumn):
+    """A column that holds a measured output.
+
+    std: standard deviation of its noise, in the SI unit of the model's output whatever the unit of the column (None: to be estimated)
+    delay: seconds by which the sensor lags; the samples are moved back by it
+    """
+
+    std: float | None = None
+    unit: str | None = None
+    delay: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """Samples of inputs and outputs over time, in SI units, checked when made.
+
+    name         what to call it, the file's name as the study gives it
+    time         (n,) s, strictly increasing, as recorded
+    inputs       name of the model's input -> (n,)
+    outputs      name of the model's output -> (n,), NaN where a sample is missing
+    output_std   name of an output -> standard deviation of its noise, None: to be estimated
+    hold         "zero": an input keeps its value until the next row; "linear": it runs straight to the next row's
+    role         "fit": to estimate from; "held_out": to test on
+
+    Raises InputError where time does not increase, a value is not finite, or lengths differ.
+    """
+
+    name: str
+    time: Array
+    inputs: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    output_std: Mapping[str, float | None] = field(default_factory=dict)
+    hold: Literal["zero", "linear"] = "zero"
+    role: Literal["fit", "held_out"] = "fit"
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "time", _column(self.time))
+        put(self, "inputs", {name: _column(values) for name, values in self.inputs.items()})
+        put(self, "outputs", {name: _column(values) for name, values in self.outputs.items()})
+        put(self, "output_std", {name: self.output_std.get(name) for name in self.outputs})
+        check_word(self.hold, ("zero", "linear"), where=f"{self.name}: hold")
+        check_word(self.role, ("fit", "held_out"), where=f"{self.name}: role")
+        for kind, columns in (("input", self.inputs), ("output", self.outputs)):
+            for name, values in columns.items():
+                if values.shape != self.time.shape:
+                    raise InputError(
+                        f"{self.name}: {kind} {name} has {values.size} values and the time has {self.time.size}; one per row is needed"
+                    )
+        for name, std in self.output_std.items():
+            if std is not None and not (np.isfinite(std) and std > 0):
+                raise InputError(f"{self.name}: std of output {name} is {std}; a standard deviation is a positive number")
+        check_samples(self.name, self.time, self.inputs, self.outputs)
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        *,
+        time: str | InputColumn,
+        inputs: Mapping[str, str | InputColumn],
+        outputs: Mapping[str, str | OutputColumn],
+        std: Mapping[str, float] | None = None,
+        range: tuple[float, float] | None = None,
+        every: int = 1,
+        hold: Literal["zero", "linear"] = "zero",
+        role: Literal["fit", "held_out"] = "fit",
+        name: str | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> Recording:
+        """The recording in a csv, csv.gz, parquet or mat file.
+
+        time, inputs, outputs   columns of the file; inputs and outputs by the name of the model's signal
+        std      standard deviations of outputs that are given as bare column names, SI
+        range    keep the rows from range[0] to range[1], seconds of the recorded time
+        every    of those rows keep rows 0, every, 2 every, ...
+        name     what to call it, in results and in messages (default: the file's name)
+        units    SI unit of each of the model's signals, into which columns with a unit are converted (default: SI base units)
+
+        Raises InputError naming file, line (the header is line 1), column, value and remedy.
+        """
+        path = Path(path)
+        label = name or path.name
+        clock = InputColumn(time) if isinstance(time, str) else time
+        drives = {k: InputColumn(c) if isinstance(c, str) else c for k, c in inputs.items()}
+        sensors = {k: OutputColumn(c, std=(std or {}).get(k)) if isinstance(c, str) else c for k, c in outputs.items()}
+        table = read_table(path, [clock.column, *(c.column for c in (*drives.values(), *sensors.values()))], label=label)
+
+        t = _time(table, clock, label)
+        rows = _kept_rows(t, range, every, label, clock.column)
+        converted: dict[str, Array] = {}
+        for signal, column in (*drives.items(), *sensors.items()):
+            values = table.columns[column.column]
+            if column.unit is not None:
+                where = f'{label}: column "{column.column}" of {signal}'
+                values = to_si(values, column.unit, (units or {}).get(signal), where=where)
+            if isinstance(column, OutputColumn) and column.delay != 0.0:
+                _check_delay(column, signal, t, label)
+                values = advance(t, values, column.delay)
+            converted[signal] = values[rows]
+        driven, sensed = {k: converted[k] for k in drives}, {k: converted[k] for k in sensors}
+        columns = {k: f'column "{c.column}"' for k, c in (*drives.items(), *sensors.items())}
+        check_samples(label, t[rows], driven, sensed, columns=columns, row=lambda k: table.row(int(rows[k])))
+        noise = {k: c.std for k, c in sensors.items()}
+        return cls(name=label, time=t[rows], inputs=driven, outputs=sensed, output_std=noise, hold=hold, role=role)
+
+    @property
+    def sampling(self) -> float:
+        """Median interval between rows, s."""
+        return float(np.median(np.diff(self.time)))
+
+
+def check_word(word: str, allowed: Sequence[str], *, where: str) -> None:
+    """Raise InputError unless `word` is one of the allowed ones."""
+    if word not in allowed:
+        raise InputError(f'{where} is "{word}"; it must be ' + " or ".join(f'"{a}"' for a in allowed))
+
+
+def _column(values: Any) -> Array:
+    """An own, read-only copy as a flat array of float64."""
+    column = np.array(values, dtype=np.float64).ravel()
+    column.flags.writeable = False
+    return column
+
+
+def _time(table: Table, clock: InputColumn, label: str) -> Array:
+    t = table.columns[clock.column]
+    if t.size < 2:
+        count = "one row" if t.size else "a header but no rows"
+        raise InputError(f"{label}: {count}; a recording needs at least two rows")
+    if clock.unit is not None:
+        t = to_si(t, clock.unit, "s", where=f'{label}: time column "{clock.column}"')
+    check_clock(t, label, f'time column "{clock.column}"', table.row)
+    return t
+
+
+def _kept_rows(t: Array, span: Sequence[float] | None, every: int, label: str, column: str) -> np.ndarray:
+    """Indices of the rows inside `span`, of which one in `every` is kept."""
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        raise InputError(f"{label}: every is {every}; it is a whole number from 1 on (1 keeps every row)")
+    rows = np.arange(t.size)
+    recorded = f'"{column}" runs from {number(t[0])} to {number(t[-1])} s'
+    if span is not None:
+        if len(span) != 2 or not all(np.isfinite(s) for s in span) or span[0] >= span[1]:
+            raise InputError(f"{label}: range is {list(span)}; it must be two times [from, to] in seconds, the earlier one first")
+        rows = rows[(t >= span[0]) & (t <= span[1])]
+        if rows.size < 2:
+            raise InputError(f"{label}: range {list(span)} holds {'one row' if rows.size else 'no row'}; {recorded}")
+    kept = rows[::every]
+    if kept.size < 2:
+        raise InputError(f"{label}: every = {every} leaves one row of {rows.size}; make it smaller")
+    return kept
+
+
+def _check_delay(column: OutputColumn, signal: str, t: Array, label: str) -> None:
+    if not (np.isfinite(column.delay) and 0 <= column.delay < t[-1] - t[0]):
+        length = f"shorter than the recording ({number(t[-1] - t[0])} s)"
+        raise InputError(f"{label}: delay of output {signal} is {column.delay} s; it must be at least 0 and {length}")

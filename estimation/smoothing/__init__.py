@@ -1,0 +1,11 @@
+"""Whole-horizon smoothing, from recordings to estimates.
+
+smoother.py                     the whole way
+horizons.py                     recordings as arrays in the model's order
+initial_guess.py, unseen.py     where a solve starts
+meshing.py, mesh_error.py       how fine a mesh must be, and whether it was fine enough
+program.py, rest.py             the program on a mesh; friction near rest
+variances.py                    weights that nobody gave
+outcome.py, notes.py            what came out, in names and units and in words
+prediction.py                   what was held out
+"""

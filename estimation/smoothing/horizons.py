@@ -1,0 +1,70 @@
+"""From recordings to horizons: the arrays in the model's order, on a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from backsight.models import Dae
+from backsight.ocp import Horizon, mesh_over
+
+from ..problem import Problem
+from ..recordings.noise import noise_std
+from ..recordings.recording import Recording
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]]]:
+    """Noise of every output of every fitted recording, and those of them that nobody gave, per recording.
+
+    Given by the weights V, else by the recording, else estimated from the samples' differences; the model's own noise stands where they
+    cannot tell.
+    """
+    tables, chosen = [], []
+    supposed = {q.name: q.noise_std for q in problem.dae.outputs}
+    for recording in problem.fitted:
+        given = {name: problem.weights.V.get(name, recording.output_std.get(name)) for name in recording.outputs}
+        chosen.append({name for name, std in given.items() if std is None})
+        tables.append({name: float(std or noise_std(recording.outputs[name], supposed.get(name))) for name, std in given.items()})
+    return tables, chosen
+
+
+def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, float], step: float) -> Horizon:
+    """One recording on a mesh of about `step` [s]."""
+    n = len(recording.time)
+    target, target_std = np.full((n, len(dae.outputs)), np.nan), np.ones((n, len(dae.outputs)))
+    for i, output in enumerate(dae.outputs):
+        if output.name in recording.outputs:
+            target[:, i], target_std[:, i] = recording.outputs[output.name], std[output.name]
+    # times from the recording's own start: a clock that counts from 1970 would cost digits
+    time = recording.time - recording.time[0]
+    return Horizon(
+        mesh=mesh_over(time, step),
+        time=time,
+        inputs=np.column_stack([recording.inputs[q.name] for q in dae.inputs]) if dae.inputs else np.empty((n, 0)),
+        target=target,
+        target_std=target_std,
+        initial=np.array([initial.get(q.name, 0.0) for q in dae.states]),
+        initial_std=np.array([0.0 if q.name in initial else np.inf for q in dae.states]),
+        clock=float(recording.time[0]),
+        hold=recording.hold,
+    )
+
+
+def sampling_interval(recording: Recording) -> float:
+    """Median time between rows [s]."""
+    return float(np.median(np.diff(recording.time)))
+
+
+def sample_density(dae: Dae, recording: Recording, std: Mapping[str, float]) -> Array:
+    """std^2 times the mean time between samples of every output [unit^2 s]; inf for one that is not there. Shape (ny,)."""
+    out = np.full(len(dae.outputs), np.inf)
+    span = float(recording.time[-1] - recording.time[0])
+    for i, q in enumerate(dae.outputs):
+        if q.name in recording.outputs:
+            count = int(np.isfinite(recording.outputs[q.name]).sum())
+            if count:
+                out[i] = std[q.name] ** 2 * span / count
+    return out

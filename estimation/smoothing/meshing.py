@@ -1,0 +1,88 @@
+"""The mesh of a smoothing run: fine enough for the smoother's own bandwidth and for the steps of the input, and no finer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backsight.ocp import Horizon
+from backsight.ocp.follow import Followed
+from backsight.ocp.linear import direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
+
+from ..problem import Problem
+from ..recordings.recording import Recording
+from .horizons import make_horizon, sample_density, sampling_interval
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+RESOLUTION = 0.8  # mesh step times the fastest mode of the smoother
+LONGEST = 5.0  # mesh step over the sampling interval, at most
+FINEST = 0.5  # and at least
+STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
+LOOKED_AT = 40  # places of a recording where the model is linearised
+DIRECT = 0.02  # share of a reading's noise that may be a force that enters it at once before the mesh must resolve it at every sample
+UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meshed:
+    """Horizons on their meshes; rigid: whether the weights W leave the residual forces no room.
+
+    least_std: place -> std of a residual force that moves some output by no more than all its samples together resolve: no smaller
+    one can be told from none.
+    """
+
+    horizons: list[Horizon]
+    rigid: bool
+    least_std: dict[int, float]
+
+
+def longest_step(recording: Recording) -> float:
+    """The coarsest mesh step allowed for a recording [s]."""
+    return LONGEST * sampling_interval(recording)
+
+
+def mesh(
+    problem: Problem,
+    followed: Followed,
+    stds: list[dict[str, float]],
+    force_std: dict[int, float],
+    parameters: Array,
+    degree: int,
+    step: float | None,
+) -> Meshed:
+    """Meshes for all fitted recordings.
+
+    A given step [s] is taken as it is. Else: step * (fastest mode of the smoother) <= RESOLUTION at the given weights; knots where the
+    input steps, as far as an output could notice.
+    """
+    soft = sorted(force_std)
+    std = np.array([force_std[k] for k in soft])
+    horizons, rigid, least = [], bool(soft), np.full(len(soft), np.inf)
+    for number, (recording, table) in enumerate(zip(problem.fitted, stds, strict=True)):
+        horizon = followed.horizons[number]
+        times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+        dx, x, z = followed.at(number, times)
+        places = linearise(problem.dae, dx, x, z, horizon.input_at(times), horizon.clock + times, parameters, soft)
+        density = sample_density(problem.dae, recording, table)
+        dt, rate = sampling_interval(recording), fastest_rate(places, std, density)
+        span = float(recording.time[-1] - recording.time[0])
+        resolved = np.sqrt(density / span)  # what the mean of all samples of an output tells
+        felt = np.max(driven_outputs(places, span) / resolved[:, None], axis=0)  # of a force of std one, over what can be felt
+        rigid_here = bool(np.all(felt * std < UNFELT))
+        least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
+        longest = 1.0 if rigid_here or direct_share(places, std, density) > DIRECT else LONGEST
+        own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
+        made = make_horizon(problem.dae, recording, table, problem.initial, step or own)
+        noise = np.array([table.get(q.name, np.inf) for q in problem.dae.outputs])
+        for _ in range(int(LONGEST)) if step is None and recording.hold == "zero" else ():
+            moved = left_out_of_outputs(places, made.unresolved_step(degree), made.unresolved_impulse(degree), made.mesh.steps)
+            noticed = np.max(moved / noise[:, None], axis=0, initial=0.0) > STEPS_UNSEEN
+            split = made.split_at_steps(noticed)
+            if split.mesh.count == made.mesh.count:
+                break
+            made = split
+        horizons.append(made)
+        rigid &= rigid_here
+    return Meshed(horizons=horizons, rigid=rigid, least_std={k: float(s) for k, s in zip(soft, least, strict=True) if np.isfinite(s)})

@@ -1,0 +1,115 @@
+"""What a smoothing run has to say beside its numbers: how every weight came about, what is open, where the numerics end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from backsight.ocp import Solution
+
+from ..problem import Problem
+from ..wording import listed
+from .mesh_error import allowed
+from .rest import ROOM
+from .undetermined import open_combinations
+from .unseen import unseen_states
+
+if TYPE_CHECKING:
+    from .outcome import Run
+
+FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
+
+
+def notes(problem: Problem, run: Run) -> tuple[str, ...]:
+    """Notes on a run, a sentence or two each."""
+    return (*_on_the_start(problem, run), *_on_forces(problem, run), *_on_the_answer(problem, run), *_on_outputs(problem, run))
+
+
+def _on_the_start(problem: Problem, run: Run) -> list[str]:
+    dae, found = problem.dae, []
+    parameters = run.choice.solution.parameters
+    for i, info in enumerate(dae.parameters):
+        if info.smoothing and info.name not in problem.parameters and parameters[i] != info.value:
+            found.append(f"{info.name} was chosen: {parameters[i]:.3g} {info.unit}, one percent of the rms velocity there.")
+    unseen = unseen_states(problem)
+    if unseen and problem.free:
+        found.append(f"No output shows {', '.join(unseen)}: it started from the model at the guesses, on which the answer may depend.")
+    return found
+
+
+def _on_forces(problem: Problem, run: Run) -> list[str]:
+    dae, choice, found = problem.dae, run.choice, []
+    t = choice.solution.transcription
+    if not t.soft and dae.places:
+        found.append("W leaves the residual forces no room: every balance was made to hold exactly.")
+    for k, s in zip(t.soft, choice.force_std, strict=True):
+        place = dae.places[k]
+        if place.name in problem.weights.W:
+            found.append(f"W of {place.name}: std {s:.3g} {place.unit} as given.")
+        else:
+            end = "" if choice.settled else "; it had not settled"
+            found.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
+    if run.remeshed:
+        found.append(
+            "The weights from the data moved far from the first ones: the mesh was chosen anew for them, and they once more on it."
+        )
+    return found
+
+
+def _on_the_answer(problem: Problem, run: Run) -> list[str]:
+    dae, found, solution = problem.dae, [], run.choice.solution
+    t = solution.transcription
+    if solution.curvature is None:
+        found.append("The solver ended on no minimum: no deviations are given.")
+    found += open_combinations(problem, solution)
+    for k in solution.solved.on_bound:
+        if k >= t.nlp.trajectory_size:
+            info = dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]]
+            value = solution.solved.decisions[k]
+            found.append(
+                f"{info.name} ended on its bound, {value:.6g} {info.unit}: the data pull beyond it, and all other values and deviations "
+                "suppose that it is right."
+            )
+    share = _share_with_room(solution)
+    if share > 0:
+        found.append(
+            f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: the residual force has as much room "
+            f"there as the law is strong, or {ROOM:.0f} times W, and these stretches say hardly anything about the parameters."
+        )
+    for name, error in run.mesh_error.items():
+        if error > allowed(solution, name):
+            unit = "noise" if name in {q.name for q in dae.outputs} else "deviation"
+            found.append(
+                f"The mesh itself moves {name} by about {error:.2g} of its {unit}, and no deviation includes that: give W more room, or a "
+                "smaller step."
+            )
+    return found
+
+
+def _on_outputs(problem: Problem, run: Run) -> list[str]:
+    found = []
+    for i, q in enumerate(problem.dae.outputs):
+        recordings = [k for k, table in enumerate(run.stds) if q.name in table]
+        if not recordings:
+            continue
+        said: dict[str, list[str]] = {}
+        for k in recordings:
+            is_open = q.name in run.open_outputs[k]
+            rule = "from the samples' differences, then from what the fit leaves over" if is_open else "as given"
+            said.setdefault(f"std {run.noise(k, q.name, i):.3g} {q.unit} {rule}", []).append(problem.fitted[k].name)
+        several = len(said) > 1
+        parts = [f"{rule} ({listed(names)})" if several else rule for rule, names in said.items()]
+        found.append(f"V of {q.name}: {'; '.join(parts)}.")
+        chosen = [run.noise(k, q.name, i) for k in recordings if q.name in run.open_outputs[k]]
+        if q.noise_std and chosen and abs(np.log(chosen[0] / q.noise_std)) > np.log(FAR):
+            found.append(
+                f"The noise of {q.name}, {chosen[0]:.3g} {q.unit}, is {chosen[0] / q.noise_std:.2g} times what the model itself supposes, "
+                f"{q.noise_std:.3g} {q.unit}: look at its residuals."
+            )
+    return found
+
+
+def _share_with_room(solution: Solution) -> float:
+    std = solution.transcription.force_std_at(solution.values)
+    return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0

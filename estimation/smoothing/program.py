@@ -1,0 +1,120 @@
+"""One program of a smoothing run: what it is made of, the numbers in it, and where its solve starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from backsight.ocp import Horizon, Options, ParameterPrior, Solution, Solver, Transcription, transcribe
+from backsight.ocp.follow import Followed
+from backsight.ocp.nlp import Values
+from backsight.ocp.readout import read
+from backsight.ocp.scaling import scaled
+
+from ..problem import Free, Problem
+from .initial_guess import start_decisions
+from .rest import FrictionLaw, open_at_rest, with_room
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Numerics of a smoothing run; the defaults choose by themselves.
+
+    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for
+    collocation. step: mesh step [s]. options: of the solver.
+    """
+
+    method: Literal["auto", "spline", "collocation"] = "auto"
+    degree: int | None = None
+    step: float | None = None
+    options: Options = field(default_factory=Options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program:
+    """A transcription with its numbers, a start (n + np,) and the bounds (n + np,) of its decisions.
+
+    at_rest (n_soft, N): standard deviations of the residual forces near rest (`rest.py`), which the numbers have.
+    """
+
+    transcription: Transcription
+    solver: Solver
+    values: Values
+    start: Array
+    lower: Array
+    upper: Array
+    at_rest: Array
+
+    def solve(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
+        """The program solved from these decisions with these numbers, in the units that they ask for; newton: to the full tolerance."""
+        values = scaled(self.solver, decisions, values)
+        solved = self.solver.solve(decisions, values, lower=self.lower, upper=self.upper, newton=newton, progress=say)
+        here = self.transcription.nlp.about(values, solved.decisions)
+        return Solution(transcription=self.transcription, solver=self.solver, values=here, solved=solved)
+
+
+def make_program(
+    problem: Problem,
+    settings: Settings,
+    horizons: Sequence[Horizon],
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    force_std: dict[int, float],
+    parameters: Array,
+    start: Array,
+) -> Program:
+    """The program over these horizons, started on the followed trajectories.
+
+    parameters (np_all,): what the free ones are measured from, and the values of the others; start (np_all,): where the free ones start.
+    """
+    transcription = _transcribe(problem, horizons, force_std, settings)
+    solver = Solver(transcription.nlp, settings.options)
+    first = start_decisions(transcription, followed, start)
+    values = _with_fine_input(transcription, first, start, transcription.nlp.values(parameters))
+    knots = [h.mesh.knots for h in transcription.horizons]
+    at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
+    std = transcription.force_std
+    values = transcription.with_force_std(values, with_room(std, at_rest) / std[:, None])
+    lower, upper = _bounds(problem, transcription)
+    return Program(transcription=transcription, solver=solver, values=values, start=first, lower=lower, upper=upper, at_rest=at_rest)
+
+
+def _transcribe(problem: Problem, horizons: Sequence[Horizon], force_std: dict[int, float], settings: Settings) -> Transcription:
+    free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
+    known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
+    prior = ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
+    # without residual forces every balance is a constraint, which is what collocation is for
+    method = settings.method if settings.method != "auto" else "spline" if force_std else "collocation"
+    degree = settings.degree or (2 if method == "spline" else 3)
+    return transcribe(problem.dae, horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=degree)
+
+
+def _with_fine_input(transcription: Transcription, decisions: Array, parameters: Array, values: Values) -> Values:
+    """Targets less what the input's fine structure adds to the outputs between the knots: the polynomials need not follow it.
+
+    It is a small share of the noise (`meshing.py` sees to that), so the first trajectory and parameters are good enough to compute it.
+    """
+    parts = [read(transcription, k, decisions, parameters).moved_outputs for k in range(len(transcription.horizons))]
+    moved = np.hstack(parts)
+    targets = tuple(y - moved if t.name == "samples" else y for t, y in zip(transcription.nlp.terms, values.target, strict=True))
+    return replace(values, target=targets)
+
+
+def _bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Array]:
+    """Bounds of all decisions: parameters within their own and the physical ones, known initial states fixed."""
+    nlp, dae = transcription.nlp, problem.dae
+    lower, upper = np.full(nlp.size, -np.inf), np.full(nlp.size, np.inf)
+    for k, i in enumerate(problem.free):
+        free = problem.parameters[dae.parameters[i].name]
+        if isinstance(free, Free):
+            lower[nlp.trajectory_size + k] = max(free.min, dae.parameters[i].minimum)
+            upper[nlp.trajectory_size + k] = min(free.max, dae.parameters[i].maximum)
+    for start, horizon in zip(transcription.starts, transcription.horizons, strict=True):
+        known = horizon.initial_std == 0
+        lower[start[known]] = upper[start[known]] = horizon.initial[known]
+    return lower, upper

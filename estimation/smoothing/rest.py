@@ -1,0 +1,139 @@
+"""Where a friction law is not to be trusted: near zero velocity.
+
+A rounded sign cannot hold a body at rest, and where a velocity changes its sign inside a mesh interval nobody knows when. A balance
+that is enforced there reads both as a force, and bends the parameters to explain it. So the residual force of such a balance gets
+room in these intervals, as much as the law is strong, and what happens there tells hardly anything about the parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from backsight.models import Dae
+from backsight.ocp.follow import Followed
+from backsight.ocp.polynomials import Array
+
+from ..problem import Free, Problem
+
+ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
+NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
+ROOM = 50.0  # factor on the standard deviation of a residual force near rest, at least
+SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
+TINY = 1e-300  # strength that still marks an interval near rest
+VELOCITIES = ("v_rel", "w_rel", "omega_rel")
+VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionLaw:
+    """A law with a rounded sign.
+
+    width: index of its smoothing parameter; velocity: its velocity's name among the model's variables; places: whose balances it enters.
+    """
+
+    width: int
+    velocity: str
+    places: tuple[int, ...]
+
+
+def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
+    """The laws with a rounded sign that act: a strength that is fixed at zero is none."""
+    dae, laws = problem.dae, []
+    fixed = [i for i, p in enumerate(dae.parameters) if not isinstance(problem.parameters.get(p.name), Free)]
+    numbers = ca.DM(problem.values)
+    for index, parameter in enumerate(dae.parameters):
+        component = parameter.name.rsplit(".", 1)[0]
+        presliding = any(q.name.startswith(f"{component}.") for q in dae.states)  # a law with a state of its own holds a body by itself
+        if not parameter.smoothing or parameter.unit not in VELOCITY_UNITS or presliding:
+            continue
+        velocity = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)
+        slope = ca.jacobian(dae.residual, dae.p[index])
+        others = [i for i in fixed if i != index]
+        slope = ca.substitute(slope, ca.vertcat(*(dae.p[i] for i in others)), numbers[others]) if others else slope
+        rows = [r for r in range(slope.shape[0]) if not ca.simplify(slope[r]).is_zero()]
+        places = tuple(int(e.place) for r, e in enumerate(dae.equations) if r in rows and e.place is not None)
+        if velocity is not None and places:
+            laws.append(FrictionLaw(width=index, velocity=velocity, places=places))
+    return tuple(laws)
+
+
+def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed) -> dict[int, float]:
+    """Widths of the laws that the user left alone: a hundredth of the rms velocity there."""
+    widths = {}
+    for law in laws:
+        info = problem.dae.parameters[law.width]
+        if info.name in problem.parameters:
+            continue
+        rms = rms_velocity(problem, law, followed, problem.values)
+        if rms > 0:
+            widths[law.width] = max(ROUNDING * rms, info.minimum)
+    return widths
+
+
+def rms_velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> float:
+    """The law's rms velocity along the followed trajectories of all recordings."""
+    expression = problem.dae.variables[law.velocity]
+    velocity = [_along(problem.dae, expression, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
+    return float(np.sqrt(np.mean(np.hstack(velocity) ** 2)))
+
+
+def open_at_rest(
+    problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, knots: list[Array], soft: tuple[int, ...], parameters: Array
+) -> Array:
+    """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
+
+    A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h). An
+    interval is near rest when the velocity of a law falls below NEAR widths in it, or below its own change over the interval.
+    """
+    strengths = [_strengths(problem, law, followed, parameters) for law in laws]
+    parts = []
+    for number, own in enumerate(knots):
+        part = np.zeros((len(soft), len(own) - 1))
+        for law, strength in zip(laws, strengths, strict=True):
+            times = np.concatenate([own[:-1], (own[1:] + own[:-1]) / 2, own[1:]])
+            v = _along(problem.dae, problem.dae.variables[law.velocity], followed, number, times, parameters).reshape(3, -1)
+            change = v.max(axis=0) - v.min(axis=0)
+            least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
+            near = least <= np.maximum(NEAR * parameters[law.width], change)
+            for place, f in zip(law.places, strength, strict=True):
+                if place in soft:
+                    part[soft.index(place), near] += max(f, TINY) * np.sqrt(np.diff(own))[near]
+        parts.append(part)
+    return np.hstack(parts)
+
+
+def with_room(force_std: Array, at_rest: Array) -> Array:
+    """Standard deviations in every interval from those of the places (n_soft,) and those `open_at_rest`; (n_soft, N)."""
+    std = np.broadcast_to(force_std[:, None], at_rest.shape)
+    return np.where(at_rest > 0, np.maximum(ROOM * std, at_rest), std)
+
+
+def _strengths(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> list[float]:
+    """Largest force of a law on each of its places: what the balance loses when the sign is rounded away altogether."""
+    dae = problem.dae
+    row_of = {e.place: row for row, e in enumerate(dae.equations) if e.place is not None}
+    F = dae.residual[[row_of[k] for k in law.places]]
+    rms = rms_velocity(problem, law, followed, parameters) or 1.0
+    largest = np.zeros(len(law.places))
+    for number, horizon in enumerate(followed.horizons):
+        sides = []
+        for width in (SHARP * rms, rms / SHARP):
+            there = parameters.copy()
+            there[law.width] = width
+            sides.append(_along(dae, F, followed, number, horizon.mesh.knots, there))
+        largest = np.maximum(largest, np.abs(sides[0] - sides[1]).max(axis=1))
+    return [float(f) if np.isfinite(f) else 0.0 for f in largest]
+
+
+def _along(dae: Dae, expression: Any, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
+    """An expression of the model along a followed trajectory, (rows, M)."""
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
+    function = ca.Function("along", arguments, [ca.densify(expression)])
+    dx, x, z = followed.at(number, times)
+    u = followed.horizons[number].input_at(times)
+    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
+    return np.asarray(values, dtype=np.float64)

@@ -1,0 +1,179 @@
+"""Whole-horizon smoothing: states, residual forces and parameters of all recordings at once.
+
+recordings -> follow the samples -> mesh -> program -> weights left out (iterated) -> a better mesh where it matters -> estimates
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backsight.ocp import Horizon, Solution, Status
+from backsight.ocp.follow import Followed, follow
+
+from ..problem import Problem
+from ..results import Smoothing
+from .horizons import make_horizon, output_stds
+from .initial_guess import balance
+from .mesh_error import Checked, refine
+from .meshing import Meshed, longest_step, mesh
+from .outcome import Run, outcome
+from .prediction import predict
+from .program import Program, Settings, make_program
+from .rest import FrictionLaw, friction_laws, smoothing_widths
+from .unseen import complete, unseen_states
+from .variances import LEAST_NOISE, Choice, choose_weights
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Stds = list[dict[str, float]]
+
+MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mesh is chosen anew
+FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
+
+
+def smooth(problem: Problem, *, settings: Settings | None = None, progress: Callable[[str], None] | None = None) -> Smoothing:
+    """Smooth the fitted recordings of a problem, and predict those that are held out.
+
+    Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
+    converge: `solver.converged` tells. settings: numerics (default: chosen). Raises InputError for a problem that cannot be posed.
+    """
+    say, settings = progress or (lambda _: None), settings or Settings()
+    began = time.perf_counter()
+    stds, open_outputs = output_stds(problem)
+    say("following the samples")
+    followed = follow(
+        problem.dae,
+        [make_horizon(problem.dae, r, std, problem.initial, 2 * longest_step(r)) for r, std in zip(problem.fitted, stds, strict=True)],
+        problem.values,
+    )
+    parameters = problem.values
+    laws = friction_laws(problem)
+    if unseen_states(problem):
+        say("starting what no output shows")
+        followed = complete(problem, followed, laws)
+    for index, width in smoothing_widths(problem, laws, followed).items():
+        parameters[index] = width
+    given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
+    work = _Work(
+        problem=problem, settings=settings, laws=laws, parameters=parameters, given=given, open_outputs=tuple(open_outputs), say=say
+    )
+    start = balance(problem, followed, parameters)
+    force_std = {**start.force_std, **given}
+    meshed = work.meshed(followed, stds, force_std, start.parameters)
+    if meshed.rigid and set(given) == set(start.force_std):
+        force_std = {}
+    program = work.program(meshed.horizons, followed, force_std, start.parameters)
+    build = time.perf_counter() - began
+
+    choice, remeshed = work.chosen(program, meshed.least_std, LEAST_NOISE * np.ones((len(stds), len(problem.dae.outputs)))), False
+    if settings.step is None and _moved(choice, force_std):
+        choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
+    checked = refine(choice.solution, lambda at, horizons: work.again(at, horizons, choice), keep=settings.step is not None, say=say)
+    if checked.solution is not choice.solution:
+        choice, stds = work.refined(choice, checked, stds, meshed.least_std)
+    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
+    result = outcome(problem, run, build=build, seconds=time.perf_counter() - began - build)
+    if len(problem.recordings) == len(problem.fitted) or not result.solver.converged:
+        return result
+    say("predicting what was held out")
+    held_out, notes = predict(problem, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
+    return replace(result, held_out=held_out, notes=(*result.notes, *notes))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Work:
+    """What stays the same over all meshes of a run.
+
+    parameters (np_all,): guesses, fixed values and widths; given: place -> std of W; open_outputs: per recording, whose noise nobody gave.
+    """
+
+    problem: Problem
+    settings: Settings
+    laws: tuple[FrictionLaw, ...]
+    parameters: Array
+    given: Mapping[int, float]
+    open_outputs: tuple[set[str], ...]
+    say: Callable[[str], None]
+
+    def meshed(self, followed: Followed, stds: Stds, force_std: dict[int, float], parameters: Array) -> Meshed:
+        """Meshes for these weights."""
+        found = mesh(self.problem, followed, stds, force_std, parameters, self.settings.degree or 2, self.settings.step)
+        self.say(f"mesh of {_intervals(found.horizons)} intervals")
+        return found
+
+    def program(self, horizons: Sequence[Horizon], followed: Followed, force_std: dict[int, float], start: Array) -> Program:
+        """The program on these meshes, started on these trajectories and parameters."""
+        return make_program(self.problem, self.settings, horizons, followed, self.laws, force_std, self.parameters, start)
+
+    def chosen(self, program: Program, least_std: Mapping[int, float], least_noise: Array) -> Choice:
+        """The program solved, with weights from the data where nobody gave them."""
+        return choose_weights(
+            lambda decisions, values, newton: program.solve(decisions, values, newton, self.say),
+            program.start,
+            program.values,
+            program.transcription,
+            program.at_rest,
+            [k for k in program.transcription.soft if k not in self.given],
+            self.open_outputs,
+            least_std,
+            least_noise,
+            self.say,
+        )
+
+    def on_a_new_mesh(self, choice: Choice, meshed: Meshed, stds: Stds) -> tuple[Choice, Stds, bool]:
+        """The whole once more on the mesh that the chosen weights ask for, if that is finer; else what there is.
+
+        A coarser one would do, but what is there already is no worse.
+        """
+        solution, now = choice.solution, self._in_force(stds, choice)
+        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+        anew = self.meshed(_followed(solution), now, force_std, solution.parameters)
+        if _intervals(anew.horizons) < FINER * _intervals(meshed.horizons):
+            return choice, stds, False
+        program = self.program(anew.horizons, _followed(solution), force_std, solution.parameters)
+        second = self.chosen(program, anew.least_std, LEAST_NOISE / choice.output_factor)
+        return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
+
+    def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
+        """What a finer mesh gave; weights from the data once more where the old mesh's error was in them."""
+        solution, now = checked.solution, self._in_force(stds, choice)
+        kept = replace(choice, solution=solution, output_factor=np.ones_like(choice.output_factor))
+        if not checked.mattered or not (set(solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
+            return kept, now
+        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+        program = self.program(solution.transcription.horizons, _followed(solution), force_std, solution.parameters)
+        second = self.chosen(program, least_std, LEAST_NOISE / choice.output_factor)
+        return (second, now) if second.solution.solved.status.converged else (kept, now)
+
+    def _in_force(self, stds: Stds, choice: Choice) -> Stds:
+        """The outputs' standard deviations with the factors that were chosen."""
+        factors = [dict(zip((q.name for q in self.problem.dae.outputs), row.tolist(), strict=True)) for row in choice.output_factor]
+        return [{name: std * f[name] for name, std in table.items()} for table, f in zip(stds, factors, strict=True)]
+
+    def again(self, solution: Solution, horizons: list[Horizon], choice: Choice) -> Solution:
+        """The same problem on other meshes at the same weights, started from a solution."""
+        if solution is choice.solution:
+            horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
+        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+        program = self.program(horizons, _followed(solution), force_std, solution.parameters)
+        return program.solve(program.start, program.values, True, self.say)
+
+
+def _followed(solution: Solution) -> Followed:
+    return Followed(transcription=solution.transcription, horizons=solution.transcription.horizons, decisions=solution.solved.decisions)
+
+
+def _intervals(horizons: Sequence[Horizon]) -> int:
+    return sum(h.mesh.count for h in horizons)
+
+
+def _moved(choice: Choice, force_std: Mapping[int, float]) -> bool:
+    """Whether a standard deviation ended further than MOVED from the one that the mesh was chosen for."""
+    if choice.solution.solved.status not in (Status.SOLVED, Status.ACCEPTABLE, Status.ITERATIONS):
+        return False
+    first = np.array([force_std[k] for k in choice.solution.transcription.soft])
+    factors = np.concatenate([choice.force_std / first, choice.output_factor.ravel()])
+    return bool(np.any(np.abs(np.log(factors)) > np.log(MOVED)))

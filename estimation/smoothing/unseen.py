@@ -1,0 +1,70 @@
+"""A start for what no output shows: a load behind a shaft, a current, a second angle.
+
+Samples cannot be followed where there are none. There the model says how the unseen states go with the seen ones, at the first guesses
+of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
+body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from backsight.ocp import ParameterPrior, Solver, transcribe
+from backsight.ocp.follow import Followed
+from backsight.ocp.linear import driven_outputs, linearise
+from backsight.ocp.polynomials import Array
+from backsight.ocp.scaling import scaled
+
+from ..problem import Problem
+from .initial_guess import start_decisions
+from .rest import FrictionLaw, rms_velocity
+
+ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of their velocities, from solve to solve
+TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
+LOOKED_AT = 20  # places of a recording where the model is linearised
+
+
+def unseen_states(problem: Problem) -> list[str]:
+    """States that no recorded output looks at, and that are neither velocity nor position of one that is looked at."""
+    dae = problem.dae
+    recorded = {name for r in problem.fitted for name in r.outputs}
+    output = ca.vertcat(*(dae.output[i] for i, q in enumerate(dae.outputs) if q.name in recorded))
+    seen = {i for symbols in (dae.x, dae.dx) for i in ca.jacobian_sparsity(output, symbols).get_col()}
+    seen |= {j for i, j, _ in dae.kinematics if i in seen} | {i for i, j, _ in dae.kinematics if j in seen}
+    return [q.name for i, q in enumerate(dae.states) if i not in seen]
+
+
+def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]) -> Followed:
+    """The followed trajectories with the unseen states moved as the model, at the parameters' guesses, moves them."""
+    nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
+    widths = {law.width: 1.0 for law in laws}
+    for rounded in ROUNDED:
+        parameters = problem.values
+        for law in laws:
+            widths[law.width] = rounded * (rms_velocity(problem, law, followed, parameters) or 1.0)
+            parameters[law.width] = widths[law.width]
+        force_std = _little_room(problem, followed, parameters)
+        t = transcribe(problem.dae, followed.horizons, free=(), prior=nothing, force_std=force_std, degree=2)
+        solver, start = Solver(t.nlp), start_decisions(t, followed, parameters)
+        unbounded = np.full(t.nlp.size, np.inf)
+        solved = solver.solve(start, scaled(solver, start, t.nlp.values(parameters)), lower=-unbounded, upper=unbounded, newton=False)
+        followed = Followed(transcription=t, horizons=followed.horizons, decisions=solved.decisions, mean_square=followed.mean_square)
+        if not laws:
+            break
+    return followed
+
+
+def _little_room(problem: Problem, followed: Followed, parameters: Array) -> dict[int, float]:
+    """Standard deviations of the residual forces that hardly move the outputs by themselves: place -> [unit of the place * sqrt(s)]."""
+    dae, places = problem.dae, range(len(problem.dae.places))
+    moved = np.zeros(len(places))
+    for number, horizon in enumerate(followed.horizons):
+        times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+        dx, x, z = followed.at(number, times)
+        linear = linearise(dae, dx, x, z, horizon.input_at(times), horizon.clock + times, parameters, places)
+        spread = np.array([np.nanstd(y) if np.isfinite(y).any() else np.nan for y in horizon.target.T])
+        span = float(horizon.time[-1] - horizon.time[0])
+        relative = driven_outputs(linear, span / 10)[spread > 0] / spread[spread > 0, None]
+        moved = np.maximum(moved, np.max(relative, axis=0, initial=0.0))
+    return {k: TOLD / m if m > 0 else 1.0 for k, m in zip(places, moved.tolist(), strict=True)}

@@ -1,0 +1,253 @@
+"""A study file: which model, which recordings, what is known about the parameters. TOML in, a `Problem` out.
+
+    study = Study.read("axis.toml")
+    result = smooth(study.problem())
+
+Everything the file says is checked against the model and the recordings before any work is done; what cannot be used is
+an InputError of one sentence that names the file, the line, the key as it was typed, the value and the remedy.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from backsight.models import Dae, Model
+from backsight.models.errors import InputError, suggestion
+
+from ..recordings.excitation import check_excitation
+from ..recordings.recording import InputColumn, OutputColumn, Recording
+from ..wording import number, quoted
+from .errors import place, sentence
+from .model_source import compiled, load_model
+from .schema import FreeParameter, InputTable, OutputTable, RecordingTable, StudyFile, WeightTable
+
+if TYPE_CHECKING:
+    from ..problem import Problem
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study file that has been read and understood; models and recordings are loaded when first asked for.
+
+    path    where it stands; the files it names are looked for beside it
+    label   what it is called in messages
+    text    its text
+    file    its tables and keys
+    """
+
+    path: Path
+    label: str
+    text: str = field(repr=False)
+    file: StudyFile
+
+    @classmethod
+    def read(cls, path: str | Path, *, label: str | None = None) -> Study:
+        """The study in a TOML file, called `label` in messages (default: the path as given).
+
+        Raises InputError for a file that is missing, is no TOML, or says what no study can say.
+        """
+        label, path = label or str(path), Path(path)
+        try:
+            text = path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+        except FileNotFoundError:
+            near = sorted(p.name for p in path.parent.glob("*.toml")) if path.parent.is_dir() else []
+            remedy = suggestion(path.name, near) if near else "there is no study (*.toml) in that folder"
+            raise InputError(f"{label}: no such study; {remedy}") from None
+        except UnicodeDecodeError as error:
+            line = path.read_bytes().count(b"\n", 0, error.start) + 1
+            raise InputError(
+                f"{label}, line {line}: byte 0x{error.object[error.start]:02x} is not UTF-8; save the study as UTF-8"
+            ) from None
+        except OSError as error:
+            raise InputError(f"{label}: cannot be read ({error.strerror or error})") from None
+        try:
+            tables = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{label}: this is not TOML: {_spelt_out(error, text)}") from None
+        try:
+            return cls(path, label, text, StudyFile.model_validate(tables))
+        except ValidationError as error:
+            raise InputError(sentence(error, label, text)) from None
+
+    @cached_property
+    def model(self) -> Model | Dae:
+        """The model that the study names."""
+        return load_model(self.file.model, self.path.parent, label=self._at("model"))
+
+    @cached_property
+    def dae(self) -> Dae:
+        """Its equations, with a residual at every place that the study weighs."""
+        label = f'{self._at("model")}: model = "{self.file.model}"'
+        dae = compiled(self.model, label=label)
+        dormant = {p.name for p in dae.dormant_places}
+        asked = tuple(name for name in self.file.weights.W if name in dormant)
+        return compiled(self.model, label=label, places=asked) if asked else dae
+
+    @cached_property
+    def recordings(self) -> tuple[Recording, ...]:
+        """The recordings in SI units, in the order of the file."""
+        if not self.file.recording:
+            raise InputError(f'{self.label}: there is no recording; add a table [[recording]] with file = "run.csv"')
+        self._check_signals()
+        self._check_repeated()
+        return tuple(self._recording(entry) for entry in self.file.recording)
+
+    def values(self) -> dict[str, float]:
+        """Every parameter the study names, the guess standing for one that is to be estimated."""
+        self._check_parameters()
+        return {name: entry.guess if isinstance(entry, FreeParameter) else float(entry) for name, entry in self.file.parameters.items()}
+
+    def initial(self) -> dict[str, float]:
+        """The known initial values of states."""
+        known = [q.name for q in self.dae.states]
+        for name in self.file.initial:
+            self._known(name, known, "initial", name, what="state")
+        return {name: float(value) for name, value in self.file.initial.items()}
+
+    def horizon(self) -> int | None:
+        """Samples of the moving horizon, None where the study leaves it open; it must fit into every fitted recording."""
+        if self.file.horizon is None:
+            return None
+        samples = self.file.horizon.samples
+        for recording in self.recordings:
+            if recording.role == "fit" and samples > recording.time.size:
+                where = self._at("horizon", "samples")
+                raise InputError(
+                    f"{where}: horizon, samples = {samples} is longer than {recording.name} with {recording.time.size} rows; shorten it"
+                )
+        return samples
+
+    def problem(self) -> Problem:
+        """The estimation problem. Raises InputError where it cannot be posed."""
+        from ..problem import Free, Problem, Weights
+
+        self._check_parameters()
+        weights = self._weights()
+        initial = self.initial()
+        recordings = self.recordings
+        fitted = [recording for recording in recordings if recording.role == "fit"]
+        if not fitted:
+            raise InputError(f'{self.label}: no recording has role = "fit"; at least one is needed to estimate from')
+        if not any(recording.outputs for recording in fitted):
+            outputs = quoted((q.name for q in self.dae.outputs), last="or")
+            raise InputError(f"{self._at('recording', 0, 'outputs')}: no output to fit: give a column for {outputs} under outputs")
+        info = {p.name: p for p in self.dae.parameters}
+        parameters: dict[str, Free | float] = {}
+        for name, entry in self.file.parameters.items():
+            if isinstance(entry, FreeParameter):
+                low, high = max(entry.min, info[name].minimum), min(entry.max, info[name].maximum)
+                parameters[name] = Free(guess=float(entry.guess), min=low, max=high, std=entry.std)
+            else:
+                parameters[name] = float(entry)
+        if any(isinstance(value, Free) for value in parameters.values()):
+            check_excitation(fitted, label=self.label)
+        # a law's residual force is switched on by compiling the model anew with its place
+        dormant = {p.name for p in self.dae.dormant_places}
+        model = self.model if dormant & set(weights["W"]) else self.dae
+        try:
+            return Problem(model=model, recordings=recordings, parameters=parameters, weights=Weights(**weights), initial=initial)
+        except InputError as error:
+            raise InputError(f"{self.label}: {error}") from error
+
+    # ---------------------------------------------------------------- what the file says, against the model
+
+    def _at(self, *path: str | int) -> str:
+        return place(self.label, self.text, path)
+
+    def _known(self, name: str, known: Iterable[str], *path: str | int, what: str) -> None:
+        names = list(known)
+        if name not in names:
+            raise InputError(f'{self._at(*path)}: unknown {what} "{name}"; {suggestion(name, names)}')
+
+    def _check_parameters(self) -> None:
+        info = {p.name: p for p in self.dae.parameters}
+        for name, entry in self.file.parameters.items():
+            self._known(name, info, "parameters", name, what="parameter")
+            value = entry.guess if isinstance(entry, FreeParameter) else float(entry)
+            low, high, unit = info[name].minimum, info[name].maximum, info[name].unit
+            if not low <= value <= high:
+                said = f"guess = {number(value)}" if isinstance(entry, FreeParameter) else f"= {number(value)}"
+                bound = f"min {number(low)}" if value < low else f"max {number(high)}"
+                raise InputError(
+                    f'{self._at("parameters", name)}: "{name}" {said}: it cannot be {"below" if value < low else "above"} {bound} {unit}'
+                )
+
+    def _weights(self) -> dict[str, dict[str, float]]:
+        table: WeightTable = self.file.weights
+        for name in table.W:
+            self._known(name, [p.name for p in (*self.dae.places, *self.dae.dormant_places)], "weights", "W", name, what="place")
+        for name in table.V:
+            self._known(name, [q.name for q in self.dae.outputs], "weights", "V", name, what="output")
+        return {
+            "W": {name: weight.deviation for name, weight in table.W.items()},
+            "V": {name: weight.deviation for name, weight in table.V.items()},
+            "tau": {name: weight.tau for name, weight in table.W.items() if weight.tau is not None},
+        }
+
+    def _check_signals(self) -> None:
+        inputs, outputs = [q.name for q in self.dae.inputs], [q.name for q in self.dae.outputs]
+        for k, entry in enumerate(self.file.recording):
+            for name in entry.inputs:
+                self._known(name, inputs, "recording", k, "inputs", name, what="input")
+            for name in entry.outputs:
+                self._known(name, outputs, "recording", k, "outputs", name, what="output")
+            for name in inputs:
+                if name not in entry.inputs:
+                    remedy = f'add {name} = "column" to inputs of {entry.file}'
+                    raise InputError(f'{self._at("recording", k, "inputs")}: the input "{name}" of {self.dae.name} has no column; {remedy}')
+
+    def _check_repeated(self) -> None:
+        """The same rows may not be used twice, least of all for fitting and for testing."""
+        seen: list[RecordingTable] = []
+        for k, entry in enumerate(self.file.recording):
+            for other in seen:
+                if _same_file(self.path.parent, entry.file, other.file) and _overlap(entry.range, other.range):
+                    how = f'as "{other.role}" and as "{entry.role}"' if entry.role != other.role else f'twice as "{entry.role}"'
+                    remedy = "name another file, or ranges that do not overlap"
+                    raise InputError(f"{self._at('recording', k, 'file')}: {entry.file} is used {how}; {remedy}")
+            seen.append(entry)
+
+    def _recording(self, entry: RecordingTable) -> Recording:
+        files = [other.file for other in self.file.recording]
+        span = f" [{number(entry.range[0])}, {number(entry.range[1])}]" if entry.range and files.count(entry.file) > 1 else ""
+        return Recording.read(
+            self.path.parent / entry.file,
+            name=entry.file + span,
+            time=_input(entry.time),
+            inputs={name: _input(column) for name, column in entry.inputs.items()},
+            outputs={name: _output(column) for name, column in entry.outputs.items()},
+            range=(entry.range[0], entry.range[1]) if entry.range else None,
+            every=entry.every,
+            hold=entry.hold,
+            role=entry.role,
+            units={q.name: q.unit for q in (*self.dae.inputs, *self.dae.outputs)},
+        )
+
+
+def _input(entry: InputTable | str) -> InputColumn:
+    return InputColumn(entry) if isinstance(entry, str) else InputColumn(entry.column, entry.unit)
+
+
+def _output(entry: OutputTable | str) -> OutputColumn:
+    return OutputColumn(entry) if isinstance(entry, str) else OutputColumn(entry.column, std=entry.std, unit=entry.unit, delay=entry.delay)
+
+
+def _same_file(folder: Path, one: str, other: str) -> bool:
+    return (folder / one).resolve() == (folder / other).resolve()
+
+
+def _overlap(one: list[float] | None, other: list[float] | None) -> bool:
+    return one is None or other is None or (one[0] < other[1] and other[0] < one[1])
+
+
+def _spelt_out(error: tomllib.TOMLDecodeError, text: str) -> str:
+    """TOML's own message with the position in plain words."""
+    message = str(error).rstrip(".")
+    return message.replace("end of document", f"line {text.count(chr(10)) + 1}, the end of the file")

@@ -1,0 +1,69 @@
+"""Noise estimated from the samples alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation.recordings.noise import noise_std
+
+TIME = np.linspace(0.0, 10.0, 4001)
+SMOOTH = np.sin(2 * TIME) + 0.3 * np.sin(7 * TIME)
+
+
+def estimates(std: float, signal: np.ndarray, seeds: int = 10) -> np.ndarray:
+    return np.array([noise_std(signal + std * np.random.default_rng(s).normal(size=len(signal))) for s in range(seeds)])
+
+
+@pytest.mark.parametrize("std", [1e-6, 1e-4, 1e-2, 1.0])
+def test_white_noise_on_a_smooth_signal_is_found_within_a_few_percent(std):
+    found = estimates(std, SMOOTH)
+    # the least over five orders is low by about the deviation of one of them
+    assert np.all(np.abs(found / std - 1) < 0.12), found / std
+    assert abs(found.mean() / std - 1) < 0.06
+
+
+@pytest.mark.parametrize("std", [0.01, 2.0])
+def test_the_unit_of_the_signal_does_not_matter(std):
+    y = SMOOTH + std * np.random.default_rng(0).normal(size=len(SMOOTH))
+    assert noise_std(1e6 * y) == pytest.approx(1e6 * noise_std(y), rel=1e-9)
+    assert noise_std(y + 3.0) == pytest.approx(noise_std(y), rel=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_missing_samples_do_not_bias_it(share):
+    rng = np.random.default_rng(1)
+    y = SMOOTH + 1e-2 * rng.normal(size=len(SMOOTH))
+    y[rng.uniform(size=len(y)) < share] = np.nan
+    assert noise_std(y) == pytest.approx(1e-2, rel=0.25)
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.1])
+def test_a_quantised_signal_has_at_least_the_deviation_of_its_rounding(step):
+    y = step * np.round(SMOOTH / step)
+    assert noise_std(y) >= step / np.sqrt(12) * (1 - 1e-9)
+    assert noise_std(y) < step
+    slow = step * np.round(np.linspace(0, 5 * step, 2000) / step)
+    assert noise_std(slow) == pytest.approx(step / np.sqrt(12), rel=1e-6)
+
+
+def test_quantisation_and_noise_together_are_both_seen():
+    step, rng = 1e-2, np.random.default_rng(2)
+    y = step * np.round((SMOOTH + step * rng.normal(size=len(SMOOTH))) / step)
+    assert noise_std(y) == pytest.approx(step * np.sqrt(1 + 1 / 12), rel=0.15)
+
+
+def test_a_few_jumps_are_not_noise():
+    y = SMOOTH + 1e-3 * np.random.default_rng(3).normal(size=len(SMOOTH))
+    y[1500:] += 1.0
+    y[3000:] -= 2.0
+    assert noise_std(y) < 4e-3
+
+
+@pytest.mark.parametrize(
+    "y", [np.zeros(100), np.full(100, 7.0), np.array([1.0, np.nan, 2.0]), np.array([0.0])],
+    ids=["zero", "constant", "three", "one"],
+)  # fmt: skip
+def test_it_is_always_positive_and_finite(y):
+    assert np.isfinite(noise_std(y))
+    assert noise_std(y) > 0

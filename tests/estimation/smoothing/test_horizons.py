@@ -1,0 +1,68 @@
+"""Recordings as the arrays of a horizon."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import compiled, lagged
+
+from backsight.estimation import Problem, Recording, Weights
+from backsight.estimation.smoothing.horizons import make_horizon, output_stds, sample_density, sampling_interval
+
+DAE = compiled(lagged())
+
+
+def recording(clock: float = 0.0, **more) -> Recording:
+    n = 101
+    rng = np.random.default_rng(0)
+    time = clock + np.arange(n) * 0.01
+    y = np.sin(np.arange(n) * 0.05) + 1e-2 * rng.normal(size=n)
+    return Recording(**{"name": "run", "time": time, "inputs": {"F": np.arange(n) * 1.0}, "outputs": {"v": y}, **more})
+
+
+def test_arrays_are_in_the_models_order_and_what_was_not_measured_is_missing():
+    h = make_horizon(DAE, recording(hold="linear"), {"v": 0.3}, {"mass.v": 2.0}, 0.05)
+    assert np.isnan(h.target[:, 0]).all()
+    assert np.array_equal(h.target[:, 1], recording().outputs["v"])
+    assert np.all(h.target_std[:, 1] == 0.3)
+    assert h.hold == "linear"
+    assert h.inputs[:, 0].tolist() == list(np.arange(101.0))
+    assert (h.initial.tolist(), h.initial_std.tolist()) == ([0.0, 0.0, 2.0], [np.inf, np.inf, 0.0])
+    assert h.mesh.count == 20
+
+
+def test_time_counts_from_the_recordings_start():
+    h = make_horizon(DAE, recording(clock=1.7e9), {"v": 0.3}, {}, 0.05)
+    assert h.time[0] == 0.0
+    np.testing.assert_allclose(h.time, np.arange(101) * 0.01, atol=3e-7)  # what a double near 1.7e9 keeps
+
+
+def test_a_deviation_comes_from_v_else_from_the_recording_else_from_the_samples():
+    own = recording(output_std={"v": 0.2})
+    assert output_stds(Problem(model=DAE, recordings=[own], weights=Weights(V={"v": 0.5}))) == ([{"v": 0.5}], [set()])
+    assert output_stds(Problem(model=DAE, recordings=[own])) == ([{"v": 0.2}], [set()])
+    tables, chosen = output_stds(Problem(model=DAE, recordings=[recording()]))
+    assert chosen == [{"v"}]
+    assert tables[0]["v"] == pytest.approx(1e-2, rel=0.25)
+
+
+def test_the_models_own_noise_stands_where_the_samples_are_too_few_to_tell():
+    sensor = replace(DAE, outputs=tuple(replace(q, noise_std=0.07) for q in DAE.outputs))
+    y = np.full(101, np.nan)
+    y[::10] = np.linspace(0.0, 1.0, 11)
+    assert output_stds(Problem(model=sensor, recordings=[recording(outputs={"v": y})]))[0][0]["v"] == 0.07
+    assert output_stds(Problem(model=sensor, recordings=[recording()]))[0][0]["v"] == pytest.approx(1e-2, rel=0.25)
+
+
+def test_the_density_of_samples_counts_those_that_are_there():
+    y = np.ones(101)
+    y[1::2] = np.nan
+    density = sample_density(DAE, recording(outputs={"v": y}), {"v": 0.1})
+    assert density[0] == np.inf
+    assert density[1] == pytest.approx(0.01 * 1.0 / 51)
+
+
+def test_the_sampling_interval_is_the_median():
+    assert sampling_interval(recording(time=np.concatenate([np.arange(100) * 0.01, [50.0]]))) == pytest.approx(0.01)

@@ -1,0 +1,129 @@
+"""Held-out recordings, against simulations that know nothing of the smoother."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import truths
+from examples import OFFSET, D, K, M, compiled, oscillator
+
+from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.command.result_json import result_of_smoothing
+from backsight.models import InputError
+from backsight.models.plants import actuator
+
+PLANT, MODEL, STD = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator()), 1e-3
+
+
+def record(name: str, seed: int, *, role: str = "held_out", n: int = 400, start=(0.02, -0.1), plant: truths.Plant = PLANT) -> Recording:
+    rng = np.random.default_rng(seed)
+    time, u = 0.01 * np.arange(n), 20 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
+    y = truths.motion(plant, time, u, np.array(start))[:, 0] + STD * rng.normal(size=n)
+    return Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD}, role=role)
+
+
+def fitted(*held_out: Recording, parameters: dict | None = None, **more) -> Smoothing:
+    recordings = [record("fit", 1, role="fit"), *held_out]
+    given = {"mass.m": Free(3.0), "spring.k": Free(30.0)} if parameters is None else parameters
+    return smooth(Problem(model=MODEL, recordings=recordings, parameters=given, weights=Weights(W={"mass": 0.02}), **more))
+
+
+def test_a_held_out_recording_is_predicted_to_its_noise_by_the_right_model():
+    s = fitted(record("other", 2, start=(-0.1, 0.4)))
+    p = s.held_out["other"]
+    assert p.fit["x"].rms == pytest.approx(STD, rel=0.1)
+    assert p.window_rms["x"] == pytest.approx(STD, rel=0.15)
+    assert p.window_s == pytest.approx(0.2)
+    assert p.start_s == pytest.approx(0.39)
+    assert list(p.estimates) == ["t_s", "x", "x.measured", "mass.s", "mass.v"]
+    assert p.estimates["mass.v"].iloc[0] == pytest.approx(0.4, abs=0.02)
+    assert "other" not in s.fit
+    assert "other" not in s.estimates
+
+
+def test_a_prediction_uses_no_later_sample_and_no_residual_force():
+    """What is wrong with the recording after its start must show in full, where a smoother would bend to it."""
+    other = record("other", 2)
+    y = other.outputs["x"] + np.where(other.time > 1.0, 0.05, 0.0)
+    s = fitted(replace(other, outputs={"x": y}))
+    error = y - s.held_out["other"].estimates["x"].to_numpy()
+    assert np.mean(error[other.time > 1.0]) == pytest.approx(0.05, rel=0.05)
+    assert np.sqrt(np.mean(error[other.time < 1.0] ** 2)) == pytest.approx(STD, rel=0.2)
+
+
+def test_a_wrong_model_predicts_worse_than_a_right_one_by_what_it_lacks():
+    other, wrong = record("other", 2), {"mass.m": M, "spring.k": 1.1 * K}
+    free = fitted(other, parameters=wrong).held_out["other"]
+    rows = truths.motion(replace(PLANT, k=1.1 * K), other.time, other.inputs["F"], np.array([0.02, -0.1]))[:, 0] - other.outputs["x"]
+    assert free.fit["x"].rms == pytest.approx(np.sqrt(np.mean(rows**2)), rel=0.1)
+    assert free.window_rms["x"] < 0.5 * free.fit["x"].rms
+
+
+def test_a_start_that_is_known_is_kept():
+    s = fitted(record("other", 2), initial={"mass.s": 0.02, "mass.v": -0.1})
+    first = s.held_out["other"].estimates.iloc[0]
+    assert (first["mass.s"], first["mass.v"]) == pytest.approx((0.02, -0.1), abs=1e-12)
+
+
+def test_the_notes_say_which_outputs_drift_and_which_do_not():
+    stays = " ".join(fitted(record("other", 2, n=2000)).notes)
+    assert "Held out: other, simulated under its inputs" in stays
+    assert "does not forget" not in stays
+    loose = replace(PLANT, k=0.0)
+    recordings = [record("fit", 1, role="fit", plant=loose), record("other", 2, plant=loose)]
+    given = {"spring.k": 0.0, "mass.m": Free(3.0)}
+    drifts = " ".join(smooth(Problem(model=MODEL, recordings=recordings, parameters=given, weights=Weights(W={"mass": 0.02}))).notes)
+    assert "x: the model does not forget its state there" in drifts
+
+
+def test_result_json_marks_what_was_held_out():
+    fit = result_of_smoothing(fitted(record("other", 2)), command="smooth")["fit"]
+    assert fit["fit"]["x"]["role"] == "fit"
+    assert fit["other"]["x"]["role"] == "held_out"
+    assert set(fit["other"]["x"]) == {"rms", "fit_percent", "whiteness_p", "role", "window_s", "window_rms"}
+
+
+def test_a_recording_too_short_for_windows_is_predicted_without_them():
+    p = fitted(record("other", 2, n=25)).held_out["other"]
+    assert p.window_s is None
+    assert p.window_rms == {}
+    assert p.fit["x"].rms < 3 * STD
+
+
+def test_a_recording_without_samples_at_its_start_is_not_predicted_and_a_note_says_so():
+    other = record("other", 2)
+    y = np.where(other.time < 2.0, np.nan, other.outputs["x"])
+    s = fitted(replace(other, outputs={"x": y}))
+    assert s.held_out == {}
+    assert any(note.startswith("Held out: other could not be predicted: no output has a value") for note in s.notes)
+
+
+def test_a_held_out_recording_needs_the_models_inputs_too():
+    with pytest.raises(InputError, match="other: input F of oscillator is not recorded"):
+        fitted(replace(record("other", 2), inputs={}))
+
+
+def test_friction_is_predicted_with_the_sharp_law_of_a_simulation():
+    """A stuck carriage stays where it is, however long: a rounded law would creep."""
+    rng, n = np.random.default_rng(0), 400
+    time = 0.01 * np.arange(n)
+    recordings = []
+    for name, push, role in (("fit", 60.0, "fit"), ("other", 10.0, "held_out")):
+        x = np.zeros(n)
+        v = 0.0
+        u = push * np.sign(np.sin(3 * time))
+        for k in range(n - 1):
+            for _ in range(20):
+                rest = v == 0.0 and abs(u[k]) <= 20.0
+                a = 0.0 if rest else (u[k] - 20.0 * np.sign(v if v else u[k])) / 95.0
+                after = v + a * 5e-4
+                v = 0.0 if v * after < 0 and abs(u[k]) <= 20.0 else after
+                x[k + 1] = (x[k + 1] or x[k]) + v * 5e-4
+        y = x + 1e-5 * rng.normal(size=n)
+        recordings.append(Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": 1e-5}, role=role))
+    parameters = {"carriage.m": 95.0, "friction.d": 0.0, "friction.f_c": 20.0, "offset.f": 0.0}
+    s = smooth(Problem(model=actuator(), recordings=recordings, parameters=parameters, weights=Weights(W={"carriage": 0.5})))
+    creep = np.ptp(s.held_out["other"].estimates["carriage.v"].iloc[5:])
+    assert creep < 1e-5

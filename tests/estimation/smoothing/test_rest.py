@@ -1,0 +1,74 @@
+"""Friction near rest, on an axis that stands still for a good part of its record; the truth sticks by events, not by a smooth law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.data.generators.sliding import Body, Motion, respond
+from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.rest import friction_laws, open_at_rest
+from backsight.models import compile_model
+from backsight.models.plants import actuator
+from backsight.ocp.follow import Followed, follow
+from backsight.ocp.horizon import Horizon
+from backsight.ocp.mesh import mesh_over
+
+DAE = compile_model(actuator())
+BODY, OFFSET, STEP = Body(m=95.0, d=203.0, f_c=20.0), -3.0, 0.002
+FREE = {"carriage.m": Free(60.0), "friction.d": Free(100.0), "friction.f_c": Free(10.0), "offset.f": Free(0.0)}
+
+
+def dwelling(seed: int) -> tuple[Recording, np.ndarray]:
+    """Strokes with rests of half a second between them, in which the motor pulls less than friction holds."""
+    t = np.arange(0.0, 6.0, STEP)
+    stroke = 90.0 * np.sin(2 * np.pi * 1.3 * t) + 60.0 * np.sin(2 * np.pi * 3.1 * t)
+    force = np.where((t % 2.0) < 1.5, stroke, 5.0 * np.sin(2 * np.pi * 2.0 * t)) + OFFSET
+    x, v = (a[:-1] for a in respond(BODY, force - OFFSET, STEP, Motion()))
+    noise = 2e-6 * np.random.default_rng(seed).standard_normal(len(t))
+    return Recording(name="axis", time=t, inputs={"F": force}, outputs={"x": x + noise}, output_std={"x": 2e-6}), v
+
+
+def test_parameters_stay_right_though_the_axis_stands_still_for_a_part_of_the_record():
+    recording, v = dwelling(0)
+    assert np.mean(v == 0.0) > 0.1
+    result = smooth(Problem(model=DAE, recordings=[recording], parameters=FREE))
+    assert result.solver.converged
+    for name, true in (("carriage.m", BODY.m), ("friction.d", BODY.d), ("friction.f_c", BODY.f_c), ("offset.f", OFFSET)):
+        estimate = result.parameters[name]
+        assert estimate.value == pytest.approx(true, rel=0.005), name
+        assert abs(estimate.value - true) < 4 * estimate.std, name
+
+
+def followed(recording: Recording) -> Followed:
+    n = len(recording.time)
+    horizon = Horizon(
+        mesh=mesh_over(recording.time, 0.01),
+        time=recording.time,
+        inputs=recording.inputs["F"][:, None],
+        target=recording.outputs["x"][:, None],
+        target_std=np.full((n, 1), 2e-6),
+        initial=np.zeros(2),
+        initial_std=np.full(2, np.inf),
+    )
+    problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
+    return follow(DAE, [horizon], problem.values)
+
+
+def test_room_is_given_where_the_axis_is_slow_and_nowhere_else():
+    recording, v = dwelling(1)
+    problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
+    std = open_at_rest(problem, friction_laws(problem), followed(recording), [recording.time], (0,), problem.values)
+    assert std.shape == (1, len(v) - 1)
+    opened = std[std > 0]
+    # the guess of 10 N, over intervals of one sample
+    np.testing.assert_allclose(opened, 10.0 * np.sqrt(STEP), rtol=1e-3)
+    still, fast = (v[1:] == 0.0) & (v[:-1] == 0.0), (np.abs(v[1:]) > 0.05) & (np.abs(v[:-1]) > 0.05)
+    assert np.mean(std[0, still] > 0) > 0.9
+    assert np.all(std[0, fast] == 0.0)
+
+
+def test_a_friction_that_is_fixed_at_zero_is_no_law():
+    recording, _ = dwelling(2)
+    assert len(friction_laws(Problem(model=DAE, recordings=[recording], parameters=FREE))) == 1
+    assert friction_laws(Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": 0.0})) == ()

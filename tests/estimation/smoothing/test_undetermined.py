@@ -1,0 +1,86 @@
+"""What the recordings leave open is named; everything else keeps its deviation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import truths
+from examples import OFFSET, D, K, M, compiled, lagged, oscillator
+
+from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.command.result_json import result_of_smoothing
+
+PLANT, STD = truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3
+FREE = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
+
+
+def record(name: str = "run", seed: int = 0, plant: truths.Plant = PLANT, n: int = 300) -> Recording:
+    rng = np.random.default_rng(seed)
+    time, u = 0.01 * np.arange(n), 20 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
+    y = truths.disturbed(plant, time, u, np.array([0.02, -0.1]), 0.1, rng) + STD * rng.normal(size=(n, 2))
+    return Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y[:, 0]}, output_std={"x": STD})
+
+
+def fitted(free: dict, *recordings: Recording, W: float | None = 0.1) -> Smoothing:
+    weights = Weights(W={} if W is None else {"mass": W})
+    return smooth(Problem(model=compiled(oscillator()), recordings=list(recordings or [record()]), parameters=free, weights=weights))
+
+
+@pytest.mark.parametrize("W", [0.1, 1e-9, None], ids=["soft", "rigid", "W from the data"])
+def test_one_parameter_too_many_takes_the_deviations_of_none_but_its_partner(W):
+    right, more = fitted(FREE, W=W), fitted({**FREE, "spring.s_rel0": Free(0.0)}, W=W)
+    assert more.solver.converged
+    for name in ("offset.f", "spring.s_rel0"):
+        assert more.parameters[name].std is None
+        assert more.parameters[name].identifiable is False
+    for name in ("mass.m", "spring.k", "damper.d"):
+        assert more.parameters[name].value == pytest.approx(right.parameters[name].value, abs=0.02 * right.parameters[name].std)
+        assert more.parameters[name].std == pytest.approx(right.parameters[name].std, rel=0.01)
+        assert more.parameters[name].identifiable
+    a, b = right.estimates["run"], more.estimates["run"]
+    # a force's deviation belongs to its interval, and meshes differ a little where W does
+    for column in ("x.std", "mass.s.std", "mass.v.std", *(["residual.mass.std"] if W is not None else [])):
+        np.testing.assert_allclose(b[column], a[column], rtol=0.02)
+
+
+def test_the_note_names_what_cannot_be_told_apart_and_the_combination():
+    s = fitted({**FREE, "spring.s_rel0": Free(0.0)})
+    (note,) = [n for n in s.notes if "do not tell" in n]
+    assert "offset.f and spring.s_rel0 apart" in note or "spring.s_rel0 and offset.f apart" in note
+    # k (s - s_rel0) + offset: 1 N of the one is 1/k of the other
+    k = s.parameters["spring.k"].value
+    said = dict(part.split(" by ") for part in note.split("moving ")[1].split(" changes")[0].split(" and "))
+    newton, metre = float(said["offset.f"].removesuffix(" N")), float(said["spring.s_rel0"].removesuffix(" m"))
+    assert newton / metre == pytest.approx(k, rel=0.01)
+    assert note.endswith("all other deviations are right.")
+
+
+def test_a_parameter_that_enters_nothing_is_named_alone():
+    s = fitted({**FREE, "spring.k": 0.0, "spring.s_rel0": Free(0.0)}, record(plant=truths.Plant(m=M, d=D, k=0.0, offset=OFFSET)))
+    assert any(n.startswith("The recordings do not determine spring.s_rel0. Fix") for n in s.notes)
+    assert s.parameters["mass.m"].identifiable
+    assert s.parameters["offset.f"].std is not None
+    assert result_of_smoothing(s, command="smooth")["parameters"]["spring.s_rel0"]["std"] is None
+
+
+def test_a_position_that_no_output_shows_is_open_in_every_recording_and_the_parameters_are_not():
+    plant = truths.Plant(m=M, d=D, k=0.0, offset=OFFSET)
+    recordings = []
+    for k in range(2):
+        rng, n = np.random.default_rng(k), 300
+        time, u = 0.01 * np.arange(n), 20 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
+        v = truths.disturbed(plant, time, u, np.array([0.0, 0.1]), 0.1, rng)[:, 1] + 1e-2 * rng.normal(size=n)
+        recordings.append(Recording(name=f"run {k}", time=time, inputs={"F": u}, outputs={"v": v}, output_std={"v": 1e-2}))
+    free = {"spring.k": 0.0, "motor.T": 1e-3, "mass.m": Free(3.0), "damper.d": Free(1.0)}
+    s = smooth(Problem(model=compiled(lagged()), recordings=recordings, parameters=free, weights=Weights(W={"mass": 0.1})))
+    for name, true in (("mass.m", M), ("damper.d", D)):
+        assert abs(s.parameters[name].value - true) < 3.5 * s.parameters[name].std
+    for r in recordings:
+        assert any(n.startswith(f"The recordings do not determine mass.s at the start of {r.name}.") for n in s.notes)
+        table = s.estimates[r.name]
+        assert np.isinf(table["mass.s.std"]).all()
+        assert np.isfinite(table[["mass.v.std", "v.std", "residual.mass.std"]].to_numpy()).all()
+
+
+def test_where_all_is_determined_there_is_no_such_note():
+    assert not any("determine" in n or "do not tell" in n for n in fitted(FREE).notes)

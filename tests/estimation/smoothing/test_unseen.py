@@ -1,0 +1,81 @@
+"""A load behind a soft shaft, with an encoder on the motor alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.unseen import unseen_states
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
+
+TRUE = {"motor.J": 2e-3, "load.J": 8e-3, "shaft.k": 40.0, "shaft.d": 0.01, "bearing.d": 0.05}
+STEP, NOISE = 0.002, 1e-3
+
+
+def drive() -> Model:
+    """Motor, shaft, load and a viscous bearing."""
+    return Model(
+        name="drive",
+        components={
+            "source": Torque(),
+            "motor": Inertia(J=2e-3),
+            "shaft": RotationalSpringDamper(k=40.0, d=0.01),
+            "load": Inertia(J=8e-3),
+            "bearing": RotationalDamper(d=0.05),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("source.flange", "motor.flange"),
+            ("encoder.flange", "motor.flange"),
+            ("motor.flange", "shaft.flange_a"),
+            ("shaft.flange_b", "load.flange"),
+            ("load.flange", "bearing.flange_a"),
+            ("bearing.flange_b", "ground.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi"},
+    )
+
+
+def recorded(seed: int) -> tuple[Recording, np.ndarray]:
+    """The exact motion under a held torque, by the matrix exponential; angle of the motor with noise, angle of the load."""
+    J1, J2, k, c, d = TRUE.values()
+    A = np.array([[0, 1, 0, 0], [-k / J1, -c / J1, k / J1, c / J1], [0, 0, 0, 1], [k / J2, c / J2, -k / J2, -(c + d) / J2]])
+    block = np.zeros((5, 5))
+    block[:4, :4], block[1, 4] = A, 1 / J1
+    step = expm(block * STEP)
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 3.0, STEP)
+    torque = 0.6 * np.sin(2 * np.pi * 0.7 * t) + 0.8 * np.repeat(rng.uniform(-1, 1, 31), 50)[: len(t)]
+    x = np.zeros((len(t), 4))
+    for i in range(len(t) - 1):
+        x[i + 1] = step[:4, :4] @ x[i] + step[:4, 4] * torque[i]
+    noisy = x[:, 0] + NOISE * rng.standard_normal(len(t))
+    return Recording(name="run", time=t, inputs={"tau": torque}, outputs={"phi": noisy}, output_std={"phi": NOISE}), x[:, 2]
+
+
+def problem(factor: float) -> tuple[Problem, np.ndarray]:
+    recording, load = recorded(4)
+    free = {name: Free(value * factor) for name, value in TRUE.items()}
+    return Problem(model=compile_model(drive()), recordings=[recording], parameters=free), load
+
+
+def test_what_no_output_shows_is_named():
+    assert unseen_states(problem(1.0)[0]) == ["load.phi", "load.omega"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1 / 3, 3.0])
+def test_a_load_that_nobody_measured_is_found_from_guesses_three_times_off(factor):
+    posed, load = problem(factor)
+    result = smooth(posed)
+    assert result.solver.converged
+    for name, true in TRUE.items():
+        estimate = result.parameters[name]
+        assert abs(estimate.value - true) < 4 * estimate.std, f"{name}: {estimate}"
+    angle = result.estimates["run"]["load.phi"].to_numpy()
+    assert np.sqrt(np.mean((angle - load) ** 2)) < 0.5 * NOISE

@@ -1,0 +1,276 @@
+"""Study files: what they say arrives in the problem unchanged, and what cannot be used is refused in one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backsight.estimation.problem import Free
+from backsight.estimation.recordings.excitation import check_excitation
+from backsight.estimation.recordings.recording import Recording
+from backsight.estimation.study.errors import line_of
+from backsight.estimation.study.study import Study
+from backsight.models.errors import InputError
+
+T = np.arange(400) * 0.005
+RECORD = pd.DataFrame({"t_s": T, "F_N": 60 * np.sin(4 * T), "x_m": 0.1 * np.cos(4 * T)})
+STUDY = """model = "actuator"
+
+[parameters]
+"carriage.m" = { guess = 80.0, min = 1.0, max = 1e3 }
+"friction.d" = { guess = 100, std = 20.0 }
+"friction.f_c" = 0.0
+"offset.f" = 0
+
+[[recording]]
+file = "record.csv"
+role = "fit"
+time = "t_s"
+inputs = { F = "F_N" }
+outputs = { x = { column = "x_m", std = 1e-5 } }
+"""
+RECORDING = STUDY[STUDY.index("[[recording]]") :]
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    RECORD.to_csv(tmp_path / "record.csv", index=False)
+    return tmp_path
+
+
+def study(folder: Path, text: str | bytes = STUDY) -> Study:
+    (folder / "study.toml").write_bytes(text.encode() if isinstance(text, str) else text)
+    return Study.read(folder / "study.toml", label="study.toml")
+
+
+def swap(old: str, new: str, text: str = STUDY) -> str:
+    assert old in text
+    return text.replace(old, new)
+
+
+def refused(folder: Path, text: str | bytes, *words: str) -> str:
+    with pytest.raises(InputError) as caught:
+        study(folder, text).problem()
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, f"{word!r} is not in {message!r}"
+    return message
+
+
+# ---------------------------------------------------------------- sound studies
+
+
+def test_a_study_becomes_the_problem_it_describes(folder):
+    problem = study(folder).problem()
+    free = problem.parameters["carriage.m"]
+    assert isinstance(free, Free)
+    assert (free.guess, free.min, free.max, free.std) == (80.0, 1.0, 1e3, None)
+    assert problem.parameters["friction.d"].guess == 100.0
+    assert problem.parameters["friction.d"].std == 20.0
+    assert problem.parameters["friction.f_c"] == 0.0
+    (recording,) = problem.recordings
+    assert (recording.name, recording.role, recording.output_std) == ("record.csv", "fit", {"x": 1e-5})
+    np.testing.assert_allclose(recording.inputs["F"], RECORD["F_N"])
+    assert problem.dae.name == "actuator"
+
+
+def test_bounds_that_are_left_out_are_the_physical_ones(folder):
+    problem = study(folder).problem()
+    assert problem.parameters["friction.d"].min == 0.0
+
+
+@pytest.mark.parametrize(
+    "encoded", [STUDY.replace("\n", "\r\n").encode(), b"\xef\xbb\xbf" + STUDY.encode()], ids=["CRLF", "byte order mark"]
+)
+def test_line_ends_and_byte_order_marks_do_not_matter(folder, encoded):
+    assert study(folder, encoded).problem().parameters == study(folder).problem().parameters
+
+
+def test_names_need_no_quotes(folder):
+    text = swap('"carriage.m" =', "carriage.m =", swap('"offset.f"', "offset.f"))
+    assert study(folder, text).problem().parameters == study(folder).problem().parameters
+
+
+def test_weights_are_standard_deviations_or_their_inverse_squares(folder):
+    text = STUDY + '\n[weights]\nW = { "carriage" = { weight = 0.25 } }\nV = { x = { std = 3e-6 } }\n'
+    weights = study(folder, text).problem().weights
+    assert weights.W == {"carriage": 2.0}
+    assert weights.V == {"x": 3e-6}
+
+
+def test_initial_values_and_the_horizon_are_read(folder):
+    own = study(folder, STUDY + '\n[initial]\n"carriage.v" = 0.5\n\n[horizon]\nsamples = 50\n')
+    assert own.problem().initial == {"carriage.v": 0.5}
+    assert own.horizon() == 50
+    assert study(folder).horizon() is None
+
+
+def test_a_horizon_longer_than_the_recording_is_refused(folder):
+    with pytest.raises(InputError, match=r"study\.toml, line 17: horizon, samples = 4000 is longer than record\.csv with 400 rows"):
+        study(folder, STUDY + "\n[horizon]\nsamples = 4000\n").horizon()
+
+
+def test_units_delays_and_ranges_reach_the_recording(folder):
+    RECORD.assign(x_m=1e3 * RECORD["x_m"], F_N=1e-3 * RECORD["F_N"]).to_csv(folder / "record.csv", index=False)
+    text = swap("std = 1e-5", 'std = 1e-5, unit = "mm", delay = 0.005').replace('"F_N"', '{ column = "F_N", unit = "kN" }')
+    (recording,) = study(folder, swap('time = "t_s"', 'time = "t_s"\nrange = [0.5, 1.5]\nevery = 2', text)).problem().recordings
+    np.testing.assert_allclose(recording.time, T[100:301:2])
+    np.testing.assert_allclose(recording.inputs["F"], RECORD["F_N"][100:301:2])
+    np.testing.assert_allclose(recording.outputs["x"], RECORD["x_m"][101:302:2])
+
+
+def test_one_file_may_be_fitted_and_held_out_in_different_ranges(folder):
+    two = RECORDING.replace("role", "range = [0.0, 0.9]\nrole") + "\n" + RECORDING.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
+    problem = study(folder, STUDY.replace(RECORDING, two)).problem()
+    assert [r.name for r in problem.recordings] == ["record.csv [0, 0.9]", "record.csv [1, 1.9]"]
+    assert [r.role for r in problem.recordings] == ["fit", "held_out"]
+
+
+def test_a_model_may_come_from_a_file_beside_the_study(folder):
+    (folder / "helper.py").write_text("MASS = 42.0\n")
+    (folder / "plant.py").write_text(
+        "from backsight.models.plants import actuator\nfrom helper import MASS\n\n"
+        "def machine():\n    return actuator().with_values(carriage={'m': MASS})\n"
+    )
+    own = study(folder, swap('"actuator"', '"plant.py:machine"'))
+    assert {p.name: p.value for p in own.dae.parameters}["carriage.m"] == 42.0
+    assert not (folder / "__pycache__").exists()
+
+
+# ---------------------------------------------------------------- unsound studies
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (swap("[parameters]", "[parameters"), ("study.toml", "TOML", "line 3")),
+        ("", ("study.toml", '"model"', "missing")),
+        (STUDY.replace('"actuator"', '"actuator" # é').encode("latin-1"), ("study.toml", "line 1", "0xe9", "UTF-8")),
+        (swap('"actuator"', '"actuatr"'), ("study.toml, line 1", '"actuatr"', "did you mean 'actuator'")),
+        (swap('"actuator"', "7"), ("study.toml, line 1", "model is 7", "text in quotes")),
+        (swap('"carriage.m"', '"carriage.mass"'), ("line 4", '"carriage.mass"', "did you mean 'carriage.m'")),
+        (STUDY + "\n[wieghts]\nV = { x = { std = 1e-5 } }\n", ("line 16", '"wieghts"', "did you mean 'weights'")),
+        (swap('time = "t_s"', 'tiem = "t_s"'), ("line 12", '"tiem"', "did you mean 'time'")),
+        (swap('time = "t_s"\n', ""), ('"time"', "recording 1", "missing", 'time = "t_s"')),
+        (swap("guess = 80.0", "gess = 80.0"), ("line 4", '"gess"', '"carriage.m"', "did you mean 'guess'")),
+        (swap("guess = 80.0, ", ""), ("line 4", '"guess"', '"carriage.m"', "missing")),
+        (swap('role = "fit"', 'role = "training"'), ("line 11", "role", '"training"', "'held_out'")),
+        (STUDY.replace(RECORDING, ""), ("no recording", "[[recording]]")),
+        (swap('role = "fit"', 'role = "held_out"'), ('role = "fit"',)),
+        (swap("guess = 80.0", 'guess = "eighty"'), ("line 4", '"carriage.m"', '"eighty"', "number")),
+        (swap("guess = 80.0", "guess = true"), ('"carriage.m"', "true", "number")),
+        (swap("guess = 80.0", "guess = nan"), ('"carriage.m"', "nan", "finite")),
+        (swap('"offset.f" = 0', '"offset.f" = inf'), ("line 7", '"offset.f"', "inf", "finite")),
+        (swap('"offset.f" = 0', '"offset.f" = "none"'), ("line 7", '"offset.f"', '"none"', "number")),
+        (swap("min = 1.0", "min = 90.0"), ("line 4", '"carriage.m"', "guess = 80", "min = 90")),
+        (swap("min = 1.0, max = 1e3", "min = 1e3, max = 1.0"), ('"carriage.m"', "min = 1000", "max = 1")),
+        (swap("guess = 80.0, min = 1.0", "guess = -80.0"), ('"carriage.m"', "guess = -80", "below")),
+        (swap("guess = 80.0", "guess = 80.0, std = -1.0"), ('"carriage.m"', "std", "-1.0", "greater than 0")),
+        (swap("std = 1e-5", "std = -1e-5"), ("line 14", "std", "x", "-1e-05")),
+        (swap("std = 1e-5", "std = 0.0"), ("std", "x", "0.0")),
+        (swap("{ guess = 80.0, min = 1.0, max = 1e3 }", "-80.0"), ('"carriage.m"', "-80", "below", "kg")),
+        (swap("std = 1e-5", 'std = 1e-5, unit = "furlongz"'), ("record.csv", "x_m", '"furlongz"')),
+        (swap("std = 1e-5", 'std = 1e-5, unit = "kg"'), ("record.csv", "x_m", '"kg"', "converted to m")),
+        (swap("{ F =", "{ force ="), ("line 13", 'input "force"', "F")),
+        (swap('inputs = { F = "F_N" }', "inputs = {}"), ("line 13", 'input "F"', "actuator", "no column")),
+        (swap('inputs = { F = "F_N" }\n', ""), ('input "F"', "record.csv")),
+        (swap("{ x = {", "{ x_motor = {"), ("line 14", 'output "x_motor"', "x")),
+        (swap('{ x = { column = "x_m", std = 1e-5 } }', "{}"), ("no output",)),
+        (swap('"x_m"', '"pos_m"'), ("record.csv, line 1", '"pos_m"')),
+        (swap("record.csv", "nowhere.csv"), ("nowhere.csv", "no such file", "record.csv")),
+        (swap('time = "t_s"', 'time = "t_s"\nrange = [1.5, 0.5]'), ("line 13", "range", "[1.5, 0.5]", "earlier one first")),
+        (swap('time = "t_s"', 'time = "t_s"\nrange = [1.0]'), ("range", "[1.0]", "too few")),
+        (swap('time = "t_s"', 'time = "t_s"\nrange = [50.0, 60.0]'), ("record.csv", "range", "0 to 1.995")),
+        (swap('time = "t_s"', 'time = "t_s"\nevery = 0'), ("every is 0", "at least 1")),
+        (swap('time = "t_s"', 'time = "t_s"\nevery = 1.5'), ("every is 1.5", "whole number")),
+        (swap('time = "t_s"', 'time = "t_s"\nhold = "cubic"'), ("hold", '"cubic"', "'linear'")),
+        (swap("std = 1e-5", "std = 1e-5, delay = -1.0"), ("delay", "-1.0")),
+        (STUDY + '\n[weights]\nW = { "carrige" = { std = 2.0 } }\n', ("line 17", 'place "carrige"', "did you mean 'carriage'")),
+        (STUDY + '\n[weights]\nW = { "carriage" = { std = -2.0 } }\n', ("carriage", "std", "-2.0")),
+        (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, weight = 1.0 } }\n', ("carriage", "not both")),
+        (STUDY + '\n[weights]\nW = { "carriage" = {} }\n', ("carriage", "either std or weight")),
+        (STUDY + '\n[weights]\nW = { "carriage" = 2.0 }\n', ("carriage", "2.0", "table")),
+        (STUDY + '\n[weights]\nV = { "speed" = { std = 2.0 } }\n', ('output "speed"', "x")),
+        (STUDY + '\n[weights]\nV = { "x" = { std = 2.0, tau = 1.0 } }\n', ("tau", "white")),
+        (STUDY + '\n[initial]\n"carriage.speed" = 0.0\n', ("line 17", 'state "carriage.speed"', "carriage.s")),
+        (STUDY + "\n[horizon]\nsamples = -5\n", ("horizon", "samples", "-5")),
+        (STUDY + '\n[horizon]\nsamples = "ten"\n', ("horizon", "samples", '"ten"', "integer")),
+        (STUDY + RECORDING.replace('"fit"', '"held_out"'), ("record.csv", '"fit"', '"held_out"')),
+        (STUDY + RECORDING, ("record.csv", "twice")),
+        (STUDY + RECORDING.replace("record.csv", "./record.csv"), ("record.csv", "twice")),
+    ],
+)
+def test_an_unusable_study_is_refused_by_one_sentence(folder, text, words):
+    assert len(refused(folder, text, *words)) < 500
+
+
+@pytest.mark.parametrize(
+    ("source", "name", "words"),
+    [
+        ("x = 1\n", "nowhere.py:machine", ("no file nowhere.py", "did you mean 'plant.py'")),
+        ("def engine():\n    return 1\n", "plant.py:machine", ("machine does not exist", "engine")),
+        ("machine = 1\n", "plant.py:machine", ("machine is not a function",)),
+        ("def machine():\n    raise ValueError('no such gearbox 42')\n", "plant.py:machine", ("plant.py, line 2", "no such gearbox 42")),
+        ("import nothing_like_this\n", "plant.py:machine", ("plant.py, line 1", "nothing_like_this")),
+        ("def machine():\n    return (1\n", "plant.py:machine", ("plant.py, line 2",)),
+        ("raise SystemExit(3)\n", "plant.py:machine", ("plant.py, line 1", "SystemExit")),
+        ("def machine():\n    return 42\n", "plant.py:machine", ("machine()", "42", "int", "Model")),
+        ("def machine(size):\n    return size\n", "plant.py:machine", ("machine", "size")),
+        ("x = 1\n", "plant.py", ("plant.py", "function")),
+        ("x = 1\n", "axis.mo:Axis", ('"axis.mo:Axis"', "there is no file")),
+    ],
+)
+def test_a_fault_in_a_model_file_is_reported_with_file_and_line(folder, source, name, words):
+    (folder / "plant.py").write_text(source)
+    refused(folder, swap('"actuator"', f'"{name}"'), "study.toml, line 1", *words)
+
+
+def test_a_model_that_does_not_balance_is_bad_input(folder):
+    (folder / "plant.py").write_text(
+        "from backsight.models import Model\nfrom backsight.models.mechanics.translational import Mass\n\n"
+        "def machine():\n    return Model(name='loose', components={'a': Mass(m=1.0)}, connections=(('a.flange', 'b.flange'),))\n"
+    )
+    refused(folder, swap('"actuator"', '"plant.py:machine"'), "study.toml, line 1", "plant.py", "b")
+
+
+def test_a_missing_study_names_the_one_beside_it(folder):
+    (folder / "study.toml").write_text(STUDY)
+    with pytest.raises(InputError, match=r"studdy\.toml: no such study; did you mean 'study\.toml'"):
+        Study.read(folder / "studdy.toml")
+
+
+# ---------------------------------------------------------------- excitation
+
+
+def recording(u: np.ndarray, y: np.ndarray) -> Recording:
+    return Recording(name="r.csv", time=T, inputs={"F": u}, outputs={"x": y})
+
+
+def test_constant_inputs_over_a_plant_at_rest_teach_nothing():
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(400)
+    for y in (np.full(400, 0.01), 0.01 + noise, noise):
+        with pytest.raises(InputError, match=r"every input is constant \(F = 5 throughout r\.csv\)"):
+            check_excitation([recording(np.full(400, 5.0), y)], label="study.toml")
+
+
+def test_a_changing_input_or_a_plant_that_moves_under_a_constant_one_will_do():
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(400)
+    check_excitation([recording(np.sin(T), np.zeros(400))], label="study.toml")
+    check_excitation([recording(np.zeros(400), 0.1 * np.cos(6 * T) + noise)], label="study.toml")
+    check_excitation([recording(np.full(400, 5.0), 1 - np.exp(-T) + noise)], label="study.toml")
+
+
+# ---------------------------------------------------------------- lines
+
+
+def test_the_line_of_a_key_is_found_where_it_stands():
+    text = '# x = 1\nmodel = "m"\n[[recording]]\nfile = "a"\n[[recording]]\n# file\nfile = "b"\noutputs = { x = { std = 1 } }\n'
+    assert line_of(text, ["model"]) == 2
+    assert line_of(text, ["recording", 0, "file"]) == 4
+    assert line_of(text, ["recording", 1, "file"]) == 7
+    assert line_of(text, ["recording", 1, "outputs", "x", "std"]) == 8
+    assert line_of(text, ["weights"]) is None
