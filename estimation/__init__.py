@@ -9,38 +9,82 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .problem import Free, Problem, Weights
-    from .recordings.recording import InputColumn, OutputColumn, Recording
-    from .results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
+    from .classical.armax import Armax, Orders, armax, select_orders
+    from .classical.comparison import compare
+    from .classical.filtered_least_squares import filtered_least_squares, state_variable_filter
+    from .classical.harmonic import harmonic
+    from .classical.multiple_model import Modes, multiple_models
+    from .classical.prediction_error import prediction_error
+    from .classical.recursive import Tracked, recursive_armax
+    from .classical.result import Baseline
+    from .classical.two_stage import two_stage
+    from .classical.zoh_prediction_error import zoh_prediction_error
+    from .problem import Free, Known, Problem, Weights
+    from .recordings.columns import InputColumn, OutputColumn
+    from .recordings.recording import Recording
+    from .results import Criteria, OutputFit, ParameterEstimate, Profile, ResidualSummary, Smoothing, SolverFacts
     from .simulation import Simulation, simulate_study
+    from .smoothing.profile import profile
     from .smoothing.smoother import smooth
     from .study.study import Study
 
 _HOME = {
-    "problem": ("Free", "Problem", "Weights"),
-    "recordings.recording": ("InputColumn", "OutputColumn", "Recording"),
-    "results": ("OutputFit", "ParameterEstimate", "ResidualSummary", "Smoothing", "SolverFacts"),
+    "classical.armax": ("Armax", "Orders", "armax", "select_orders"),
+    "classical.comparison": ("compare",),
+    "classical.filtered_least_squares": ("filtered_least_squares", "state_variable_filter"),
+    "classical.harmonic": ("harmonic",),
+    "classical.multiple_model": ("Modes", "multiple_models"),
+    "classical.prediction_error": ("prediction_error",),
+    "classical.recursive": ("Tracked", "recursive_armax"),
+    "classical.result": ("Baseline",),
+    "classical.two_stage": ("two_stage",),
+    "classical.zoh_prediction_error": ("zoh_prediction_error",),
+    "problem": ("Free", "Known", "Problem", "Weights"),
+    "recordings.columns": ("InputColumn", "OutputColumn"),
+    "recordings.recording": ("Recording",),
+    "results": ("Criteria", "OutputFit", "ParameterEstimate", "Profile", "ResidualSummary", "Smoothing", "SolverFacts"),
     "simulation": ("Simulation", "simulate_study"),
+    "smoothing.profile": ("profile",),
     "smoothing.smoother": ("smooth",),
     "study.study": ("Study",),
 }
 
 __all__ = [
+    "Armax",
+    "Baseline",
+    "Criteria",
     "Free",
     "InputColumn",
+    "Known",
+    "Modes",
+    "Orders",
     "OutputColumn",
     "OutputFit",
     "ParameterEstimate",
     "Problem",
+    "Profile",
     "Recording",
     "ResidualSummary",
     "Simulation",
     "Smoothing",
     "SolverFacts",
     "Study",
+    "Tracked",
     "Weights",
+    "armax",
+    "compare",
+    "filtered_least_squares",
+    "harmonic",
+    "multiple_models",
+    "prediction_error",
+    "profile",
+    "recursive_armax",
+    "select_orders",
     "simulate_study",
     "smooth",
+    "state_variable_filter",
+    "two_stage",
+    "zoh_prediction_error",
 ]
 
 

@@ -9,19 +9,29 @@ from functools import cached_property
 import numpy as np
 
 from backsight.models import Dae, Model, compile_model
+from backsight.models.augmentation import SHAPES, Shape
+from backsight.models.augmentation.delay import delay_name
 from backsight.models.errors import InputError, suggestion
 
+from . import supposed
+from .delays import asked_for, with_delays
 from .recordings.recording import Recording
 
 
 @dataclass(frozen=True)
 class Free:
-    """A parameter to be estimated [the parameter's unit]: first guess, bounds, and the standard deviation of what is known beforehand."""
+    """A parameter to be estimated [the parameter's unit]: first guess, bounds, and the standard deviation of what is known beforehand.
+
+    drift: it walks at random, by drift * sqrt(T) in a time T [unit/sqrt(s)]; guess and std are about where it starts, in each recording.
+    per_recording: a constant, but every recording has its own; guess, std and bounds are those of each.
+    """
 
     guess: float
     min: float = -np.inf
     max: float = np.inf
     std: float | None = None
+    drift: float | None = None
+    per_recording: bool = False
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.guess) and self.min <= self.guess <= self.max and self.min < self.max):
@@ -30,22 +40,64 @@ class Free:
             )
         if self.std is not None and not (np.isfinite(self.std) and self.std > 0):
             raise InputError(f"Free(std={self.std}): a standard deviation is positive and finite; leave it out when nothing is known.")
+        if self.drift is not None and not (np.isfinite(self.drift) and self.drift > 0):
+            raise InputError(f"Free(drift={self.drift}): a rate of drift is positive and finite; leave it out for a constant.")
+        if self.drift is not None and self.per_recording:
+            raise InputError(
+                f"Free(drift={self.drift}, per_recording=True): what drifts starts anew in every recording anyhow; leave per_recording out."
+            )
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is no single number: it drifts, or every recording has its own."""
+        return self.drift is not None or self.per_recording
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a state [its unit]: a value, exactly or with a standard deviation.
+
+    always: at any time, so also where a recording goes on after a gap, and not only where it starts.
+    """
+
+    value: float
+    std: float = 0.0
+    always: bool = False
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.value) and np.isfinite(self.std) and self.std >= 0):
+            raise InputError(
+                f"Known(value={self.value}, std={self.std}): needs a finite value and a finite std, 0 for exactly; "
+                "leave the state out when nothing is known."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
     """W and V as standard deviations (weight = 1/std^2); what is not named is chosen from the data (`noise.py`).
 
-    W: place -> std of its residual force: white noise of spectral density std^2 * 1 s, [unit of the place].
-    V: output -> std of its measurement noise [unit of the output]; it overrides the recording's own.
-    tau: place -> correlation time [s] of a residual force that is not white.
+    W: place -> std of its residual force: white noise of spectral density std^2 * 1 s, [unit of the place]. The place may also be
+    "kinematics:<position>": how far the rate of a position may differ from its velocity.
+    V: output -> std of its measurement noise [unit of the output]; it overrides the recording's own. Or an input -> std of each of its
+    recorded values, and it is estimated as it acted; without one it acted as recorded.
+    tau: place -> correlation time [s] of a residual force that is not white; W is then its rms.
+    kind: place with a tau -> "ou" (Ornstein-Uhlenbeck, the default) or "matern" (Matern 3/2 of length tau).
     """
 
     W: Mapping[str, float] = field(default_factory=dict)
     V: Mapping[str, float] = field(default_factory=dict)
     tau: Mapping[str, float] = field(default_factory=dict)
+    kind: Mapping[str, Shape] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", dict(self.kind))
+        for place, kind in self.kind.items():
+            if kind not in SHAPES:
+                raise InputError(
+                    f"Weights(kind={{{place!r}: {kind!r}}}): a coloured residual force is 'ou' or 'matern'; choose one of them."
+                )
+            if place not in self.tau:
+                raise InputError(f"Weights(kind={{{place!r}: {kind!r}}}): a coloured residual force has a correlation time; give tau too.")
         for name, table in (("W", self.W), ("V", self.V), ("tau", self.tau)):
             object.__setattr__(self, name, dict(table))
             for key, std in table.items():
@@ -58,38 +110,52 @@ class Problem:
     """Everything `smooth` needs.
 
     model: a `Model` or its compiled `Dae`. recordings: those with role "fit" are fitted, the others predicted. parameters: name ->
-    `Free` or a fixed value; those not named keep the model's value. initial: known initial states [SI]; of the others nothing is known.
+    `Free` or a fixed value; those not named keep the model's value. initial: state -> its value at the start of every recording [SI],
+    exactly, or `Known(value, std)`; of the others nothing is known. bounds: state -> (lowest, highest) [SI], infinite where there is none;
+    they hold at the knots of the mesh.
     """
 
     model: Model | Dae
     recordings: Sequence[Recording]
     parameters: Mapping[str, Free | float] = field(default_factory=dict)
     weights: Weights = field(default_factory=Weights)
-    initial: Mapping[str, float] = field(default_factory=dict)
+    initial: Mapping[str, float | Known] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        open_delays = asked_for(self.recordings)
+        if open_delays:
+            model, recordings = with_delays(self.dae, self.recordings)
+            parameters = {**{delay_name(name): Free(0.0) for name in open_delays}, **self.parameters}
+            self.__dict__.update(model=model, recordings=recordings, parameters=parameters, dae=model)
         dae = self.dae
         _check("parameters", self.parameters, [p.name for p in dae.parameters], "parameter", dae)
-        _check("weights.W", self.weights.W, [p.name for p in dae.places], "place", dae)
-        _check("weights.V", self.weights.V, [q.name for q in dae.outputs], "output", dae)
-        _check("weights.tau", self.weights.tau, [p.name for p in dae.places], "place", dae)
+        places = [p.name for p in dae.places]
+        _check("weights.W", self.weights.W, [*places, *supposed.relaxable(dae)], "place", dae)
+        _check("weights.V", self.weights.V, [q.name for q in (*dae.outputs, *dae.inputs)], "output or input", dae)
+        _check("weights.tau", self.weights.tau, places, "place", dae)
+        for name in self.weights.tau:
+            if name not in self.weights.W:
+                raise InputError(f"weights: tau of {name} stands without its W, the rms of a coloured residual force; give both.")
         _check("initial", self.initial, [q.name for q in dae.states], "state", dae)
         for name, start in self.initial.items():
-            if not np.isfinite(start):
+            if not isinstance(start, Known) and not np.isfinite(start):
                 raise InputError(f"initial: {name} = {start}: needs a finite number.")
-        if self.weights.tau:
-            raise InputError(
-                f"weights: tau of {', '.join(self.weights.tau)}: this version knows white residual forces only; leave tau out."
-            )
+        _check("bounds", self.bounds, [q.name for q in dae.states], "state", dae)
+        for name, (low, high) in self.bounds.items():
+            if not low < high:
+                raise InputError(f"bounds: {name} = ({low}, {high}): needs two numbers, the lower one first.")
+            if name in self.initial and not low <= (value := self.start[name].value) <= high:
+                raise InputError(f"bounds: {name} = ({low:g}, {high:g}): its initial value {value:g} lies outside; move one of them.")
         info = {p.name: p for p in dae.parameters}
-        for name, value in self.parameters.items():
-            number = value.guess if isinstance(value, Free) else value
+        for name, given in self.parameters.items():
+            number = given.guess if isinstance(given, Free) else given
             if not info[name].minimum <= number <= info[name].maximum:
                 raise InputError(
                     f"parameters: {name} = {number:g} lies outside its physical range "
                     f"{info[name].minimum:g} .. {info[name].maximum:g} {info[name].unit}."
                 )
-        if not self.fitted:
+        if not any(r.role == "fit" for r in self.recordings):
             raise InputError('Problem(recordings=...) needs at least one recording with role="fit".')
         names = [r.name for r in self.recordings]
         twice = sorted({name for name in names if names.count(name) > 1})
@@ -106,6 +172,8 @@ class Problem:
             _check(f"{recording.name}: outputs", recording.outputs, [q.name for q in dae.outputs], "output", dae)
             if recording.role == "fit" and not any(np.isfinite(y).any() for y in recording.outputs.values()):
                 raise InputError(f"{recording.name}: no output has a value; nothing can be estimated from it.")
+            if not recording.pieces:
+                raise InputError(f"{recording.name}: no piece between its gaps has two rows and a sample of an output; make gap longer.")
 
     @cached_property
     def dae(self) -> Dae:
@@ -116,15 +184,45 @@ class Problem:
         extra = [name for name in self.weights.W if name in {p.name for p in dae.dormant_places}]
         return compile_model(self.model, places=extra) if extra else dae
 
+    @cached_property
+    def split(self) -> Problem:
+        """The same, with a parameter for every recording where each has its own (`supposed.py`). Itself where none has."""
+        return supposed.split(self)
+
+    @cached_property
+    def plain(self) -> Problem:
+        """What a start is made for: white forces, inputs as recorded, no drift. Itself or `split` where nothing else is supposed."""
+        return supposed.plain(self.split)
+
+    @cached_property
+    def posed(self) -> Problem:
+        """What is solved: all that is supposed beyond the model is in the model. `plain` where nothing else is supposed."""
+        return supposed.posed(self.split, self.plain)
+
     @property
+    def start(self) -> dict[str, Known]:
+        """State -> what is known of it at the start."""
+        return {name: value if isinstance(value, Known) else Known(float(value)) for name, value in self.initial.items()}
+
+    @cached_property
     def fitted(self) -> tuple[Recording, ...]:
-        """Recordings to be fitted."""
-        return tuple(r for r in self.recordings if r.role == "fit")
+        """Recordings to be fitted, those with gaps in pieces (`Recording.pieces`)."""
+        return tuple(piece for r in self.recordings if r.role == "fit" for piece in r.pieces)
 
     @property
     def free(self) -> tuple[int, ...]:
         """Indices of the free parameters in the model's order."""
         return tuple(i for i, p in enumerate(self.dae.parameters) if isinstance(self.parameters.get(p.name), Free))
+
+    @property
+    def known_exactly(self) -> dict[str, float]:
+        """State -> its value at the start, where that is certain."""
+        return {name: known.value for name, known in self.start.items() if known.std == 0}
+
+    @property
+    def varying(self) -> dict[str, Free]:
+        """The parameters that drift, or that every recording has of its own."""
+        return {name: free for name, free in self.parameters.items() if isinstance(free, Free) and free.varies}
 
     @property
     def values(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

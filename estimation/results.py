@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from .problem import Weights
+
+if TYPE_CHECKING:
+    from backsight.ocp import Solution
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -40,12 +44,19 @@ class ParameterEstimate:
 class OutputFit:
     """How well one output is met.
 
-    rms [unit of the output] of measured minus smoothed; fit_percent 100 (1 - |e|/|y - mean y|); whiteness_p of Ljung and Box.
+    rms [unit of the output] of measured minus smoothed; fit_percent 100 (1 - |e|/|y - mean y|). Of the standardised prediction errors
+    (`validation/innovations.py`), or of measured minus modelled where nothing was smoothed: whiteness_p and normality_p, chances of what
+    is seen if they are white, and normal; effective_samples: how many independent ones of the `samples` their mean is worth;
+    prediction_rms: 1 where the weights are right; None where nothing was smoothed.
     """
 
     rms: float
     fit_percent: float | None
     whiteness_p: float | None
+    normality_p: float | None = None
+    effective_samples: float | None = None
+    samples: int = 0
+    prediction_rms: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +72,67 @@ class SolverFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Companion:
+    """What a residual force goes with most: words for it, the law that would look like it, the correlation and its standard deviation."""
+
+    what: str
+    law: str
+    correlation: float
+    std: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class ResidualSummary:
-    """A place's residual force over all recordings: rms [unit] and the equation it belongs to."""
+    """A place's residual force over all recordings: rms [unit] and the equation it belongs to.
+
+    whiteness_p: chance of its autocorrelation if the force is white. follows: what it goes with most, if plainly, with the law that would
+    look like that and the correlation with its standard deviation.
+    """
 
     place: str
     unit: str
     rms: float
     origin: str
+    whiteness_p: float | None = None
+    follows: Companion | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criteria:
+    """How well the model explains the samples for the freedom it took (`validation/criteria.py`); None where that is not determined."""
+
+    log_evidence: float | None
+    log_likelihood: float | None
+    aic: float
+    bic: float
+    effective_parameters: float
+    samples: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """Profile likelihood of a parameter: values (n,) in ascending order and the least cost (n,) above the optimum's at each.
+
+    lower, upper: ends of the 95 % interval; None on a side where it is open. limited: sides, of "lower" and "upper", on which a bound
+    ended it.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    std: float | None
+    values: Array
+    cost: Array
+    lower: float | None
+    upper: float | None
+    limited: tuple[str, ...] = ()
+
+    @property
+    def asymmetry(self) -> float | None:
+        """(upper - estimate) / (estimate - lower); None where a side is open. 1 is what a normal distribution has."""
+        if self.lower is None or self.upper is None or not self.estimate > self.lower:
+            return None
+        return (self.upper - self.estimate) / (self.estimate - self.lower)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +155,11 @@ class Prediction:
 class Smoothing:
     """States, residual forces and parameters that explain the recordings best.
 
+    parameters: of one that drifts the mean over time, with the mean of its standard deviations, which that of the mean does not exceed; one
+    that every recording has of its own is called "<parameter> [<recording>]" in each.
     estimates: recording name -> one row per sample: t_s, outputs with .measured and .std, states with .std, residual.<place> with
-    .std (SI); a std is inf where the recordings do not determine the value. held_out: recording name -> prediction.
+    .std (SI), what drifts and measured inputs as they acted, by their names, with .std; a std is inf where the recordings do not determine
+    the value. held_out: recording name -> prediction. solution: the solved program behind it, for what goes on from there.
     """
 
     model: str
@@ -105,6 +173,19 @@ class Smoothing:
     residual_places: dict[str, ResidualSummary]
     notes: tuple[str, ...] = field(default=())
     held_out: dict[str, Prediction] = field(default_factory=dict)
+    criteria: Criteria | None = None
+    profiles: dict[str, Profile] = field(default_factory=dict)
+    solution: Solution | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        # a program is functions of this process
+        return {**self.__dict__, "solution": None}
+
+    def value(self, parameter: str) -> float:
+        """A parameter's value [its unit]; of one that every recording has of its own the mean over them."""
+        if parameter in self.parameters:
+            return self.parameters[parameter].value
+        return float(np.mean([p.value for name, p in self.parameters.items() if name.startswith(f"{parameter} [")]))
 
     def __repr__(self) -> str:
         free = ", ".join(f"{p.name} = {p}" for p in self.parameters.values() if not p.fixed)

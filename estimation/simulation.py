@@ -11,10 +11,10 @@ import pandas as pd
 
 from backsight.models import Dae, simulate
 
-from .fit import output_fit
 from .recordings.recording import Recording
 from .results import OutputFit
 from .study.study import Study
+from .validation.fit import output_fit
 from .workers import workers
 
 

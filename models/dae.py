@@ -57,12 +57,16 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class EquationInfo:
-    """Where a row comes from: "force balance" of "carriage"; `place` is its index into w, if it has one."""
+    """Where a row comes from: "force balance" of "carriage"; `place` is its index into w, if it has one.
+
+    shaped: the place whose residual force enters this row as a state, coloured by a row of its own (`augmentation/`).
+    """
 
     name: str
     component: str
     origin: str
     place: int | None = None
+    shaped: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

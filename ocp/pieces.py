@@ -37,12 +37,23 @@ class Pieces:
         """
         dae, rows = self.dae, self.rows_of(self.soft)
         F = ca.substitute(dae.residual[rows], dae.w, ca.SX.zeros(dae.w.shape[0]))
+        # a coloured force enters its balance as a state: the accelerations stand there, not in the row that shapes it
+        shaped = {e.shaped: row for row, e in enumerate(dae.equations) if e.shaped is not None}
+        inertial = dae.residual[[shaped.get(k, row) for k, row in zip(self.soft, rows, strict=True)]]
         positions = {i for i, _, _ in dae.kinematics}
-        fastest = [i for i in set(ca.jacobian_sparsity(F, dae.dx).get_col()) if i not in positions]
-        M = ca.jacobian(F, ca.vertcat(*(dae.dx[i] for i in sorted(fastest)))) if fastest else ca.SX(len(rows), 0)
-        if M.shape[1] != len(rows) or ca.sprank(M) < len(rows):
+        pattern = ca.jacobian_sparsity(inertial, dae.dx)
+        entries = [(r, i) for r, i in zip(pattern.row(), pattern.get_col(), strict=True) if i not in positions]
+        moving, fastest = sorted({r for r, _ in entries}), sorted({i for _, i in entries})
+        M = ca.jacobian(inertial[moving], ca.vertcat(*(dae.dx[i] for i in fastest))) if fastest else ca.SX(0, 0)
+        if not moving or M.shape[1] != len(moving) or ca.sprank(M) < len(moving):
             return F
-        return ca.substitute(M, dae.p, self.p_ref) @ ca.solve(M, F)
+        # an inertia that drifts is a state; what it is measured by is its entry in p, which stands for nothing else
+        names = [p.name for p in dae.parameters]
+        drifting = [(i, names.index(q.name)) for i, q in enumerate(dae.states) if q.name in names]
+        now = ca.vertcat(dae.p, *(dae.x[i] for i, _ in drifting))
+        scaled = ca.SX(F)
+        scaled[moving] = ca.substitute(M, now, ca.vertcat(self.p_ref, *(self.p_ref[k] for _, k in drifting))) @ ca.solve(M, F[moving])
+        return scaled
 
     @cached_property
     def p_ref(self) -> Any:

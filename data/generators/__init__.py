@@ -1,1 +1,1 @@
-"""Programs that write the bundled recordings; they share no code with the estimator, so that its answers can be held against theirs."""
+"""Simulated machines, and programs that write the bundled recordings; they share no code with the estimator that is held against them."""

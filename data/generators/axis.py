@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from .references import Reference, strokes, sum_of_sines
+from .run import Run
 from .servo import Encoder, Servo, Tracking
 from .sliding import Body, Motion, advance
 
-__all__ = ["AXIS", "ENCODER", "SEED", "SERVO", "Axis", "Run", "card", "compressed", "operate", "record", "write"]
+__all__ = ["AXIS", "ENCODER", "SEED", "SERVO", "Axis", "card", "compressed", "operate", "record", "write"]
 
 SEED = 20_240_607
 SAMPLES = 10_001
@@ -31,18 +32,6 @@ class Axis:
     body: Body
     offset: float
     disturbance_std: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """One recording (time, force, reading: what is written) and the truth behind it (position, velocity, disturbance); each (n,), SI."""
-
-    time: np.ndarray
-    force: np.ndarray
-    reading: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    disturbance: np.ndarray
 
 
 AXIS = Axis(body=Body(m=95.0, d=200.0, f_c=20.0), offset=-3.0, disturbance_std=0.4)
@@ -62,7 +51,8 @@ def operate(axis: Axis, encoder: Encoder, servo: Servo, time: np.ndarray, refere
         reading[k] = encoder.read(motion.x, noise[k])
         force[k], tracking = servo.command(tracking, reading[k], reference[0][k], reference[1][k])
         motion = advance(axis.body, motion, force[k] + disturbance[k] - axis.offset, servo.step)
-    return Run(time=time, force=force, reading=reading, position=position, velocity=velocity, disturbance=disturbance)
+    truth = {"carriage.s": position, "carriage.v": velocity, "clean.x": position, "disturbance": disturbance}
+    return Run(time=time, inputs={"F": force}, outputs={"x": reading}, truth=truth, noise={"x": encoder.noise_std})
 
 
 def record(name: str, seed: int = SEED, samples: int = SAMPLES) -> Run:
@@ -76,7 +66,7 @@ def record(name: str, seed: int = SEED, samples: int = SAMPLES) -> Run:
 def compressed(run: Run) -> bytes:
     """The run as a gzipped CSV file that carries neither a name nor a date, so that equal runs are equal bytes."""
     rows = ["t_s,F_N,x_m"]
-    rows += [f"{t:.3f},{f + 0.0:.2f},{x + 0.0:.6f}" for t, f, x in zip(run.time, run.force, run.reading, strict=True)]
+    rows += [f"{t:.3f},{f + 0.0:.2f},{x + 0.0:.6f}" for t, f, x in zip(run.time, run.inputs["F"], run.outputs["x"], strict=True)]
     buffer = io.BytesIO()
     with gzip.GzipFile(filename="", mode="wb", compresslevel=9, fileobj=buffer, mtime=0) as file:
         file.write(("\n".join(rows) + "\n").encode("ascii"))

@@ -1,4 +1,4 @@
-"""The sampled position control of the axis: encoder, filtered difference quotient, proportional-derivative law, force limit."""
+"""The sampled position control of an axis: encoder, filtered difference quotient, proportional-derivative law, limit."""
 
 import math
 from dataclasses import dataclass
@@ -31,7 +31,8 @@ class Servo:
     """F = k_p (r - y) + k_d (r' - v), limited to +-limit and rounded to whole steps of the force converter.
 
     y is the encoder's reading and v its difference quotient behind a first-order lag of time constant `lag` [s].
-    k_p [N/m], k_d [N s/m], limit [N], resolution [N]; `step` [s] is the sampling time, over which F is held.
+    k_p [N/m], k_d [N s/m], limit [N], resolution [N]; `step` [s] is the sampling time, over which F is held. The same law gives currents
+    [A] and torques [N m], from metres or radians; the gains have the units that go with them.
     """
 
     k_p: float

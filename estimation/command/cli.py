@@ -37,6 +37,10 @@ Estimates = Annotated[
     Path | None,
     typer.Option("--estimates", metavar="DIR", help="Results of smooth: its estimated parameters take the place of the study's."),
 ]
+Profiles = Annotated[
+    list[str] | None,
+    typer.Option("--profile", metavar="NAME", help="Profile likelihood of this parameter, with its 95 % interval; may be repeated."),
+]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
@@ -112,12 +116,18 @@ def simulate(
 
 @app.command()
 def smooth(
-    study: StudyArgument, out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Quiet = False, json: Json = False
+    study: StudyArgument,
+    profile: Profiles = None,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+    json: Json = False,
 ) -> int:
     """Estimate states, residual forces and parameters, with their uncertainties, from whole recordings."""
     from .commands import Options, run_smooth
 
-    return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json))
+    return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json), profile or ())
 
 
 def _report(error: Exception) -> int:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,9 +41,9 @@ def run_demo(options: Options) -> int:
     return _smooth(Study.read(bundled, label="demo.toml"), options.out or Path("backsight_demo"), options, command="demo")
 
 
-def run_smooth(path: Path, options: Options) -> int:
-    """Smooth a study."""
-    return _smooth(Study.read(path), options.out or _named_after(path), options, command="smooth")
+def run_smooth(path: Path, options: Options, profiled: Sequence[str] = ()) -> int:
+    """Smooth a study, and profile the parameters named."""
+    return _smooth(Study.read(path), options.out or _named_after(path), options, command="smooth", profiled=profiled)
 
 
 def run_simulate(path: Path, options: Options, estimates: Path | None = None) -> int:
@@ -92,14 +92,18 @@ def write_fmu(name: str | None, path: Path) -> int:
     return DONE
 
 
-def _smooth(study: Study, out: Path, options: Options, *, command: str) -> int:
+def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled: Sequence[str] = ()) -> int:
     from ..report import write_report
+    from ..smoothing.profile import check_names, profile
     from ..smoothing.smoother import smooth
 
     with results_folder(out) as folder, workers(options.jobs, options.scheduler), _progress(options) as say:
         say("reading the study")
         problem = study.problem()
+        check_names(problem, profiled)
         answer: Smoothing = smooth(problem, progress=say)
+        if profiled and answer.solver.converged:
+            answer = replace(answer, profiles=profile(problem, answer, profiled, progress=say))
         say("writing the report")
         result = result_of_smoothing(answer, command=command)
         write_result(result, folder / "result.json")

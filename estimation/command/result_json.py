@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from backsight.models.augmentation.delay import delay_name
 from backsight.models.errors import InputError, suggestion
 
 if TYPE_CHECKING:
     from backsight.models import Dae
 
-    from ..results import OutputFit, Prediction, Smoothing
+    from ..results import OutputFit, Prediction, Profile, ResidualSummary, Smoothing
     from ..simulation import Simulation
 
 
@@ -30,13 +32,16 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
         },
         "weights": {
             "W": {
-                name: {"std": std} | ({"tau": answer.weights.tau[name]} if name in answer.weights.tau else {})
+                name: {"std": std}
+                | {key: table[name] for key, table in (("tau", answer.weights.tau), ("kind", answer.weights.kind)) if name in table}
                 for name, std in answer.weights.W.items()
             },
             "V": {name: {"std": std} for name, std in answer.weights.V.items()},
         },
         "fit": _fit(answer.fit) | {name: _predicted(prediction) for name, prediction in answer.held_out.items()},
-        "residuals": {name: {"rms": r.rms, "unit": r.unit, "origin": r.origin} for name, r in answer.residual_places.items()},
+        "residuals": {name: _residual(r) for name, r in answer.residual_places.items()},
+        "criteria": None if answer.criteria is None else asdict(answer.criteria),
+        "profile": {name: _profile(p) for name, p in answer.profiles.items()},
         "solver": {
             "status": answer.solver.status,
             "converged": answer.solver.converged,
@@ -54,13 +59,15 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
 def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
     """The parameters that a result.json says were estimated, of the same model; `folder` holds it.
 
-    Those that were fixed stay what the study makes them. Raises InputError where there are no such results.
+    Those that were fixed stay what the study makes them; of those that every recording has of its own it is the mean. Raises InputError
+    where there are no such results.
     """
     path = folder / "result.json"
     try:
         result = json.loads(path.read_text(encoding="utf-8"))
         model = result["model"]
         found = {str(name): float(p["value"]) for name, p in result["parameters"].items() if not p["fixed"]}
+        found = {name: value for name, value in found.items() if not name.startswith(delay_name(""))}  # a sensor's, not the plant's
     except OSError as error:
         raise InputError(f"--estimates {folder}: {path} cannot be read ({error.strerror or error}); name a folder of results") from None
     except (ValueError, KeyError, TypeError, AttributeError):
@@ -68,6 +75,10 @@ def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
     if model != dae.name:
         raise InputError(f'--estimates {folder}: these are results of the model "{model}" and the study has "{dae.name}"; use one model')
     known = [p.name for p in dae.parameters]
+    own = {name.partition(" [")[0] for name in found if name not in known} & set(known)  # every recording's own: their mean
+    for parameter in own:
+        values = [found.pop(name) for name in list(found) if name.startswith(f"{parameter} [")]
+        found[parameter] = sum(values) / len(values)
     for name, value in found.items():
         if name not in known:
             raise InputError(f'--estimates {folder}: {dae.name} has no parameter "{name}"; {suggestion(name, known)}')
@@ -103,10 +114,40 @@ def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
     }
 
 
+def _residual(r: ResidualSummary) -> dict[str, Any]:
+    follows = None if r.follows is None else asdict(r.follows)
+    return {"rms": r.rms, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
+
+
+def _profile(p: Profile) -> dict[str, Any]:
+    """Values with the cost above the optimum's; a side of the interval that is null is open."""
+    return {
+        "unit": p.unit,
+        "value": p.estimate,
+        "lower": p.lower,
+        "upper": p.upper,
+        "open": [side for side, end in (("lower", p.lower), ("upper", p.upper)) if end is None],
+        "limited_by_bound": list(p.limited),
+        "asymmetry": p.asymmetry,
+        "values": p.values,
+        "cost": p.cost,
+    }
+
+
 def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[str, Any]:
     return {
         recording: {
-            name: {"rms": f.rms, "fit_percent": f.fit_percent, "whiteness_p": f.whiteness_p, "role": role} for name, f in outputs.items()
+            name: {
+                "rms": f.rms,
+                "fit_percent": f.fit_percent,
+                "whiteness_p": f.whiteness_p,
+                "normality_p": f.normality_p,
+                "effective_samples": f.effective_samples,
+                "samples": f.samples,
+                "prediction_rms": f.prediction_rms,
+                "role": role,
+            }
+            for name, f in outputs.items()
         }
         for recording, outputs in fit.items()
     }

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+DOUBT = 0.01  # chance of what is seen if the errors are white, below which they are not called so
+
 if TYPE_CHECKING:
-    from ..results import Smoothing
+    from ..results import OutputFit, Smoothing
     from ..simulation import Simulation
 
 
@@ -30,7 +32,9 @@ def parameter_table(answer: Smoothing) -> Table:
     for what, recording, outputs in fits:
         for output, fit in outputs.items():
             size = f"rms {fit.rms:.3g} {answer.units.get(output, '')} ({_share(fit.fit_percent)})"
-            table.add_row(f"{what} of {output}, {recording}", size)
+            table.add_row(f"{what} of {output}, {recording}", size + (f"; {verdict}" if (verdict := _whiteness(fit, what)) else ""))
+    for p in answer.profiles.values():
+        table.add_row(f"95 % of {p.name}", f"{_end(p.lower, '-inf')} .. {_end(p.upper, 'inf')} {p.unit}")
     return table
 
 
@@ -43,6 +47,16 @@ def simulation_table(answer: Simulation) -> Table:
         for output, fit in outputs.items():
             table.add_row(recording, output, f"{fit.rms:.4g} {answer.units[output]}", _share(fit.fit_percent))
     return table
+
+
+def _whiteness(fit: OutputFit, what: str) -> str:
+    if what != "fit" or fit.whiteness_p is None or fit.effective_samples is None:
+        return ""
+    return "white" if fit.whiteness_p >= DOUBT else f"not white, {fit.effective_samples:.0f} effective of {fit.samples}"
+
+
+def _end(value: float | None, nothing: str) -> str:
+    return nothing if value is None else f"{value:.6g}"
 
 
 def _share(percent: float | None) -> str:

@@ -14,7 +14,7 @@ def advance(time: Array, values: Array, delay: float) -> Array:
 
     Where t_k + delay falls on a sample the value is that sample; between samples it is the cubic through the four
     nearest (the line through the nearest two where there are no four in a row). Missing where a neighbour is missing,
-    beyond the end, and inside gaps longer than three median sampling intervals.
+    beyond the ends, and inside gaps longer than three median sampling intervals.
     """
     wanted = time + delay
     n = len(time)
@@ -37,5 +37,5 @@ def advance(time: Array, values: Array, delay: float) -> Array:
 
     between = (s != 0.0) & (s != 1.0)
     result = np.where(whole & between, cubic, line)
-    beyond = (s > 1.0) | (between & (step > 3 * np.median(np.diff(time))))
+    beyond = (s < 0.0) | (s > 1.0) | (between & (step > 3 * np.median(np.diff(time))))
     return np.where(beyond, np.nan, result)

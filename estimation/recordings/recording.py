@@ -9,7 +9,7 @@ A missing sample of an output is NaN. Nothing is filtered, resampled or assumed 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,33 +18,14 @@ import numpy as np
 from backsight.models.errors import InputError
 
 from ..wording import number
+from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, late_inputs
 from .delay import advance
+from .gaps import runs
 from .samples import check_clock, check_samples
 from .table import Table, read_table
 from .units import to_si
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
-
-
-@dataclass(frozen=True)
-class InputColumn:
-    """A column of a file and the unit its numbers are in (None: the SI unit of the model's signal)."""
-
-    column: str
-    unit: str | None = None
-
-
-@dataclass(frozen=True)
-class OutputColumn(InputColumn):
-    """A column that holds a measured output.
-
-    std: standard deviation of its noise, in the SI unit of the model's output whatever the unit of the column (None: to be estimated)
-    delay: seconds by which the sensor lags; the samples are moved back by it
-    """
-
-    std: float | None = None
-    unit: str | None = None
-    delay: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +37,15 @@ class Recording:
     inputs       name of the model's input -> (n,)
     outputs      name of the model's output -> (n,), NaN where a sample is missing
     output_std   name of an output -> standard deviation of its noise, None: to be estimated
+    output_loss  name of an output -> "square" (where none is given), "huber" or "auto", see `OutputColumn`
+    open_delays  names of outputs that lag by an unknown time, or "inputs" if those act late: a free parameter `delay:<output>` or
+                 `delay:inputs`, one for all recordings
+    advanced     such a name -> seconds by which its samples were moved back already
     hold         "zero": an input keeps its value until the next row; "linear": it runs straight to the next row's
+    open_hold    whether smoothing may find out which of the two it is; `hold` serves all else
     role         "fit": to estimate from; "held_out": to test on
+    gap          s: rows further apart are pieces, each fitted with a start of its own (None: 20 median intervals)
+    part         0 for the recording itself and its first piece, 1 for what follows the first gap, ...
 
     Raises InputError where time does not increase, a value is not finite, or lengths differ.
     """
@@ -67,8 +55,14 @@ class Recording:
     inputs: Mapping[str, Array]
     outputs: Mapping[str, Array]
     output_std: Mapping[str, float | None] = field(default_factory=dict)
+    output_loss: Mapping[str, Loss] = field(default_factory=dict)
+    open_delays: tuple[str, ...] = ()
+    advanced: Mapping[str, float] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
+    open_hold: bool = False
     role: Literal["fit", "held_out"] = "fit"
+    gap: float | None = None
+    part: int = 0
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -76,6 +70,9 @@ class Recording:
         put(self, "inputs", {name: _column(values) for name, values in self.inputs.items()})
         put(self, "outputs", {name: _column(values) for name, values in self.outputs.items()})
         put(self, "output_std", {name: self.output_std.get(name) for name in self.outputs})
+        put(self, "output_loss", {name: self.output_loss.get(name, "square") for name in self.outputs})
+        for name, loss in self.output_loss.items():
+            check_word(loss, LOSSES, where=f"{self.name}: loss of output {name}")
         check_word(self.hold, ("zero", "linear"), where=f"{self.name}: hold")
         check_word(self.role, ("fit", "held_out"), where=f"{self.name}: role")
         for kind, columns in (("input", self.inputs), ("output", self.outputs)):
@@ -88,6 +85,9 @@ class Recording:
             if std is not None and not (np.isfinite(std) and std > 0):
                 raise InputError(f"{self.name}: std of output {name} is {std}; a standard deviation is a positive number")
         check_samples(self.name, self.time, self.inputs, self.outputs)
+        if self.gap is not None and not self.gap > self.sampling:
+            rule = f"it must be longer than the sampling interval, {number(self.sampling)} s"
+            raise InputError(f"{self.name}: gap = {number(self.gap)} s would cut between all rows; {rule}")
 
     @classmethod
     def read(
@@ -100,17 +100,20 @@ class Recording:
         std: Mapping[str, float] | None = None,
         range: tuple[float, float] | None = None,
         every: int = 1,
-        hold: Literal["zero", "linear"] = "zero",
+        hold: Literal["zero", "linear", "auto"] = "zero",
         role: Literal["fit", "held_out"] = "fit",
+        gap: float | None = None,
         name: str | None = None,
         units: Mapping[str, str] | None = None,
     ) -> Recording:
-        """The recording in a csv, csv.gz, parquet or mat file.
+        """The recording in a csv, csv.gz, parquet, mat or MDF (mf4) file.
 
-        time, inputs, outputs   columns of the file; inputs and outputs by the name of the model's signal
+        time, inputs, outputs   columns of the file; inputs and outputs by the name of the model's signal (MDF: names of channels)
         std      standard deviations of outputs that are given as bare column names, SI
         range    keep the rows from range[0] to range[1], seconds of the recorded time
         every    of those rows keep rows 0, every, 2 every, ...
+        hold     see above; "auto": as smoothing finds by the evidence of both
+        gap      rows further apart [s] are pieces with starts of their own (default: 20 median intervals)
         name     what to call it, in results and in messages (default: the file's name)
         units    SI unit of each of the model's signals, into which columns with a unit are converted (default: SI base units)
 
@@ -121,7 +124,10 @@ class Recording:
         clock = InputColumn(time) if isinstance(time, str) else time
         drives = {k: InputColumn(c) if isinstance(c, str) else c for k, c in inputs.items()}
         sensors = {k: OutputColumn(c, std=(std or {}).get(k)) if isinstance(c, str) else c for k, c in outputs.items()}
-        table = read_table(path, [clock.column, *(c.column for c in (*drives.values(), *sensors.values()))], label=label)
+        wanted = [c.column for c in (*drives.values(), *sensors.values())]
+        check_word(hold, ("zero", "linear", "auto"), where=f"{label}: hold")
+        between: Literal["zero", "linear"] = "linear" if hold == "linear" else "zero"
+        table = read_table(path, clock.column, wanted, label=label, held={c.column: between for c in drives.values()})
 
         t = _time(table, clock, label)
         rows = _kept_rows(t, range, every, label, clock.column)
@@ -131,20 +137,54 @@ class Recording:
             if column.unit is not None:
                 where = f'{label}: column "{column.column}" of {signal}'
                 values = to_si(values, column.unit, (units or {}).get(signal), where=where)
-            if isinstance(column, OutputColumn) and column.delay != 0.0:
-                _check_delay(column, signal, t, label)
+            if isinstance(column, OutputColumn) and column.delay != "estimate" and column.delay != 0.0:
+                check_delay(column.delay, signal, t, label)
                 values = advance(t, values, column.delay)
             converted[signal] = values[rows]
         driven, sensed = {k: converted[k] for k in drives}, {k: converted[k] for k in sensors}
         columns = {k: f'column "{c.column}"' for k, c in (*drives.items(), *sensors.items())}
         check_samples(label, t[rows], driven, sensed, columns=columns, row=lambda k: table.row(int(rows[k])))
         noise = {k: c.std for k, c in sensors.items()}
-        return cls(name=label, time=t[rows], inputs=driven, outputs=sensed, output_std=noise, hold=hold, role=role)
+        loss = {k: c.loss for k, c in sensors.items()}
+        return cls(
+            name=label,
+            time=t[rows],
+            inputs=driven,
+            outputs=sensed,
+            output_std=noise,
+            output_loss=loss,
+            open_delays=(*late_inputs(drives, label), *(k for k, c in sensors.items() if c.delay == "estimate")),
+            hold=between,
+            open_hold=hold == "auto",
+            role=role,
+            gap=gap,
+        )
 
     @property
     def sampling(self) -> float:
         """Median interval between rows, s."""
         return float(np.median(np.diff(self.time)))
+
+    @property
+    def pieces(self) -> tuple[Recording, ...]:
+        """The recording between its gaps, without what nothing can be learned from: a row alone, or rows without a sample of an output."""
+        found = runs(self.time, self.gap)
+        if len(found) == 1:
+            return (self,)
+        return tuple(self._piece(rows, part) for part, rows in enumerate(found) if rows.stop - rows.start > 1 and self._sampled(rows))
+
+    def _sampled(self, rows: slice) -> list[str]:
+        return [name for name, y in self.outputs.items() if np.isfinite(y[rows]).any()]
+
+    def _piece(self, rows: slice, part: int) -> Recording:
+        inputs = {name: u[rows] for name, u in self.inputs.items()}
+        outputs = {name: self.outputs[name][rows] for name in self._sampled(rows)}
+        return replace(self, time=self.time[rows], inputs=inputs, outputs=outputs, gap=np.inf, part=part)
+
+    @property
+    def title(self) -> str:
+        """The name, and of a piece after a gap also where it starts."""
+        return self.name if not self.part else f"{self.name} from t = {number(self.time[0])} s"
 
 
 def check_word(word: str, allowed: Sequence[str], *, where: str) -> None:
@@ -187,9 +227,3 @@ def _kept_rows(t: Array, span: Sequence[float] | None, every: int, label: str, c
     if kept.size < 2:
         raise InputError(f"{label}: every = {every} leaves one row of {rows.size}; make it smaller")
     return kept
-
-
-def _check_delay(column: OutputColumn, signal: str, t: Array, label: str) -> None:
-    if not (np.isfinite(column.delay) and 0 <= column.delay < t[-1] - t[0]):
-        length = f"shorter than the recording ({number(t[-1] - t[0])} s)"
-        raise InputError(f"{label}: delay of output {signal} is {column.delay} s; it must be at least 0 and {length}")

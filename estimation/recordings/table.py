@@ -1,4 +1,4 @@
-"""Named columns of numbers out of a csv, csv.gz, parquet or mat file.
+"""Named columns of numbers out of a csv, csv.gz, parquet, mat or mf4 file.
 
 A csv file is read by pandas' parser at full speed; only when it refuses, or when a row has another number of cells than
 the header, is the file gone through again slowly to say which line, column and value is to blame.
@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from .culprit import Blame, first_bad_cell, first_uneven_row
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 MISSING = ("", "nan", "NaN", "NAN", "Nan", "-nan", "-NaN")
-SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat")
+SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat", ".mf4", ".mdf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +35,19 @@ class Table:
     row: Callable[[int], str]
 
 
-def read_table(path: Path, wanted: Sequence[str], *, label: str) -> Table:
-    """The columns `wanted` of a file; `label` is the file's name as the user typed it, for messages.
+def read_table(
+    path: Path, clock: str, wanted: Sequence[str], *, label: str, held: Mapping[str, Literal["zero", "linear"]] | None = None
+) -> Table:
+    """The columns `clock`, the time, and `wanted` of a file; `label` is the file's name as the user typed it, for messages.
+
+    held: those of `wanted` that are inputs, and what they do between their samples: needed where every column has times of its own.
 
     Raises InputError naming file, line, column, value and remedy.
     """
     name = path.name.lower()
     readers = {".csv": _read_csv, ".csv.gz": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}
     reader = next((read for suffix, read in readers.items() if name.endswith(suffix)), None)
-    if reader is None:
+    if not name.endswith(SUFFIXES):
         raise InputError(f"{label}: this type of file cannot be read; recordings are {', '.join(SUFFIXES)}")
     try:
         if path.is_dir():
@@ -55,7 +59,11 @@ def read_table(path: Path, wanted: Sequence[str], *, label: str) -> Table:
         raise InputError(f"{label}: cannot be read ({error.strerror or error}); check the file's permission") from None
     if not data:
         raise InputError(f"{label}: the file is empty; a header and at least two rows are needed")
-    return reader(data, list(dict.fromkeys(wanted)), label)
+    if reader is None:
+        from .mdf import read_mdf  # beside the others: it needs an extra of its own
+
+        return read_mdf(data, clock, [column for column in dict.fromkeys(wanted) if column != clock], held or {}, label)
+    return reader(data, list(dict.fromkeys([clock, *wanted])), label)
 
 
 def _neighbours(path: Path) -> str:
@@ -199,7 +207,7 @@ def _read_mat(data: bytes, wanted: list[str], label: str) -> Table:
     for name in wanted:
         if name not in names:
             raise InputError(f'{label}: no variable "{name}"; {suggestion(name, names)}')
-        _check_kind(content[name], name, label)
+        check_kind(content[name], name, label)
         if np.ndim(content[name]) > 2 or min(np.shape(content[name]), default=1) > 1:
             shape = " x ".join(map(str, np.shape(content[name])))
             raise InputError(f'{label}: the variable "{name}" is an array of {shape}; a column of numbers is wanted')
@@ -213,11 +221,11 @@ def _from_arrays(arrays: Mapping[str, np.ndarray], label: str) -> Table:
         listed = ", ".join(f'"{name}" {n}' for name, n in lengths.items())
         raise InputError(f"{label}: columns of unequal length ({listed}); all need the same number of rows")
     for name, values in arrays.items():
-        _check_kind(values, name, label)
+        check_kind(values, name, label)
     return Table(columns={name: np.asarray(v, dtype=np.float64) for name, v in arrays.items()}, row=lambda k: f"row {k + 1}")
 
 
-def _check_kind(values: np.ndarray, name: str, label: str) -> None:
+def check_kind(values: np.ndarray, name: str, label: str) -> None:
     """Raise InputError unless these are real numbers."""
     kinds = {"M": "dates", "m": "durations", "c": "complex numbers", "U": "text", "S": "text"}
     sound = values.dtype.kind in "fiub" or (values.dtype.kind == "O" and all(isinstance(v, (int, float, type(None))) for v in values.flat))

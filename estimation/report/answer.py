@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..validation.patterns import companion, own_states
+from .columns import Columns
 from .decimation import spread
-from .evidence import Columns, autocorrelation, companion, own_states
 from .quantities import count, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
     from ..recordings.recording import Recording
-    from ..results import ParameterEstimate, Smoothing
+    from ..results import OutputFit, ParameterEstimate, Smoothing
 
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
 NAMED = 6  # parameters named in the sentence; the table has them all
-MEMORY = 0.1  # autocorrelation of the errors from which on it is worth a word
+DOUBT = 0.01  # chance of what is seen if the errors are white, below which they are not called so
+WORTH = 0.9  # effective samples over samples: a memory that costs less is not worth a word
 ROWS = 20_000  # enough for a correlation
 
 
@@ -119,7 +121,9 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
         for output in kinds.outputs:
             error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
             unit = result.units.get(output, "")
-            found += _odd_errors(code(output) + where, error, unit, noise_std(result, output, by_name.get(name)))
+            found += _odd_errors(
+                code(output) + where, error, unit, noise_std(result, output, by_name.get(name)), result.fit.get(name, {}).get(output)
+            )
         time = frame["t_s"].to_numpy(float)
         rows = spread(time.size, ROWS)
         for column in kinds.residuals:
@@ -138,7 +142,7 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
     return found
 
 
-def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None) -> list[str]:
+def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit: OutputFit | None) -> list[str]:
     seen = error[np.isfinite(error)]
     if seen.size < 20:
         return []
@@ -147,13 +151,8 @@ def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None) -> 
         ratio = rms / std
         verb = f"{number(ratio, 2)} times" if ratio > 1 else f"only {number(100 * ratio, 2)} % of"
         found.append(f"The error of {which} is {verb} the noise it was weighed with ({escape(quantity(std, unit))}).")
-    lags = min(60, seen.size // 4)
-    r = autocorrelation(error, lags)[1:]
-    k = int(np.nanargmax(np.abs(r))) if np.isfinite(r).any() else 0
-    if np.isfinite(r).any() and abs(r[k]) > max(MEMORY, 4 / np.sqrt(seen.size)):
-        found.append(
-            f"The errors of {which} are not white: their autocorrelation reaches {number(float(r[k]), 2)} at a lag of {k + 1} samples."
-        )
+    if fit is not None and (worth := coloured(fit)):
+        found.append(f"The prediction errors of {which} are not white: {worth}. Something is left out, and deviations mislead.")
     spread_ = 1.4826 * float(np.median(np.abs(seen - np.median(seen))))
     outliers = int((np.abs(error - np.median(seen)) > 6 * spread_).sum()) if spread_ > 0 else 0
     if outliers:
@@ -172,15 +171,23 @@ def _odd_residual(which: str, w: np.ndarray, unit: str, rows: np.ndarray) -> lis
     return []
 
 
-def whiteness_sentence(p: float | None, autocorrelations: Mapping[int, float] | None = None) -> str:
-    """What the p-value of the whiteness test says."""
-    if p is None or not np.isfinite(p):
+def whiteness_sentence(fit: OutputFit) -> str:
+    """What the test of whiteness says."""
+    if fit.whiteness_p is None or not np.isfinite(fit.whiteness_p):
         return "not tested"
-    if p >= 0.05:
+    if fit.whiteness_p >= 0.05:
         return "cannot be told from white noise"
-    largest = max(autocorrelations.items(), key=lambda item: abs(item[1])) if autocorrelations else None
-    if largest is None:
-        return "weak signs of structure" if p >= 0.01 else "structure is left in the errors"
-    # Of many samples even a correlation that matters to nobody is significant.
-    said = "structure is left in the errors" if p < 0.01 and abs(largest[1]) > MEMORY else "weak signs of structure"
-    return f"{said}, largest autocorrelation {number(largest[1], 2)} at lag {largest[0]}"
+    worth = coloured(fit)
+    return f"structure is left in them: {worth}" if worth else "weak signs of structure"
+
+
+def coloured(fit: OutputFit) -> str:
+    """How many samples the errors are worth, where they are not white; nothing otherwise.
+
+    Of many samples even a memory that matters to nobody is significant.
+    """
+    if fit.whiteness_p is None or fit.effective_samples is None:
+        return ""
+    if not fit.whiteness_p < DOUBT or fit.effective_samples >= WORTH * fit.samples:
+        return ""
+    return f"{count(round(fit.effective_samples))} effective of {count(fit.samples)} samples"

@@ -5,14 +5,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from ..results import Profile
+from ..validation.autocorrelation import autocorrelation
+from ..validation.patterns import own_states
 from .chart import COLOURS, Chart, Curve, Panel, columns, stack
 from .decimation import envelope, spread
-from .evidence import autocorrelation, own_states
 from .quantities import quantity
 
-__all__ = ["DOTS", "input_chart", "output_chart", "residual_chart", "residual_scatter", "state_chart", "whiteness_chart"]
+__all__ = ["DOTS", "input_chart", "output_chart", "profile_chart", "residual_chart", "residual_scatter", "state_chart", "whiteness_chart"]
 
 DOTS = 1500  # an SVG circle each: more make a browser stutter, and no eye counts them
+LEVEL = 1.9207  # half the 95 % quantile of chi-square with one degree of freedom
 BAND = 1.96  # 95 % of a normal distribution
 
 
@@ -130,6 +133,24 @@ def residual_scatter(
     return columns(panels, caption=caption, label=f"{place}_states")
 
 
+def profile_chart(profiles: Sequence[Profile]) -> Chart:
+    """Cost above the optimum against every profiled parameter, with the 95 % level and the parabola that value and std stand for."""
+    panels: list[Panel] = []
+    for p in profiles:
+        ends = p.values[[0, -1]]
+        curves = [Curve(name="profile", x=p.values, y=p.cost, colour=COLOURS["smoothed"], look="joined", legend=not panels)]
+        if p.std is not None:
+            fine = np.linspace(ends[0], ends[1], 60)
+            parabola = ((fine - p.estimate) / p.std) ** 2 / 2
+            name = "what ± std supposes"
+            shown = parabola <= 1.5 * LEVEL
+            curves.append(Curve(name=name, x=fine[shown], y=parabola[shown], colour=COLOURS["mean"], look="thin", legend=not panels))
+        curves.append(Curve(name="95 % level", x=ends, y=np.full(2, LEVEL), colour=COLOURS["noise"], look="dashed", legend=not panels))
+        panels.append(Panel(curves=curves, y="cost above the optimum", y_unit="", x=p.name, x_unit=p.unit, height=260))
+    caption = "Profile likelihood: the least cost with a parameter held, all others free, above that of the optimum."
+    return columns(panels, caption=f"{caption} It is below {LEVEL:.2f} within the 95 % interval.", label="profiles")
+
+
 def binned(q: np.ndarray, w: np.ndarray, bins: int = 25) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centre, mean and standard deviation of w in equal bins of q that hold at least 8 samples and 0.2 % of them.
 
@@ -172,6 +193,7 @@ def whiteness_chart(frame: pd.DataFrame, outputs: Sequence[str], *, label: str) 
         return None
     step = quantity(float(np.median(np.diff(time))), "s") if time.size > 1 else "–"
     caption = (
-        f"Autocorrelation of the errors (one sample is {step}). Bars beyond the dashed lines are structure that the model leaves in them."
+        f"Autocorrelation of measured − smoothed (one sample is {step}). A fit bends towards its samples, so some bars go beyond the dashed"
+        " lines even where the model is right; whether the prediction errors are white is in the table."
     )
     return stack(panels, caption=caption, label=label)

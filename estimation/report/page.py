@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .answer import answer, code, noise_std, oddities
+from .columns import Columns
 from .document import document, drawn, points_per_curve, save
-from .evidence import Columns
-from .figures import input_chart, output_chart, residual_chart, residual_scatter, state_chart, whiteness_chart
+from .figures import input_chart, output_chart, profile_chart, residual_chart, residual_scatter, state_chart, whiteness_chart
 from .quantities import count, quantity
-from .tables import facts, fit_table, parameter_table, prediction_table, weight_table
+from .tables import criteria_facts, facts, fit_table, parameter_table, prediction_table, profile_table, weight_table
 
 if TYPE_CHECKING:
     from ..recordings.recording import Recording
     from ..results import Prediction, Smoothing
 
 __all__ = ["write_report"]
+
+ABREAST = 3  # charts of profiles side by side
 
 
 def write_report(result: Smoothing, path: str | Path, *, recordings: Sequence[Recording]) -> None:
@@ -34,7 +36,9 @@ def write_report(result: Smoothing, path: str | Path, *, recordings: Sequence[Re
     points = points_per_curve(sum(_curves(result, n) for n in names) + 3 * sum(len(p.fit) for p in result.held_out.values()))
     longest = max((len(result.estimates[n]) for n in names), default=0)
     sections = [("parameters", "Parameters", parameter_table(result) if result.parameters else "")]
-    sections.append(("fit", "Fit", fit_table(result.fit, result) if result.fit else ""))
+    criteria = criteria_facts(result.criteria) if result.criteria is not None else ""
+    sections.append(("fit", "Fit", fit_table(result.fit, result) + criteria if result.fit else ""))
+    sections.append(("profiles", "Profile likelihood", _profiles(result)))
     for k, name in enumerate(names):
         which = f": {name}" if len(names) > 1 else ""
         kinds = Columns.of(result.estimates[name])
@@ -122,6 +126,12 @@ def _states(result: Smoothing, name: str, kinds: Columns, recording: Recording |
         hold = recording.hold if recording is not None else "zero"
         charts.append(input_chart(frame["t_s"].to_numpy(float), inputs, result.units, points=points, group=f"time-{k}", hold=hold))
     return "".join(drawn(c) for c in charts)
+
+
+def _profiles(result: Smoothing) -> str:
+    profiles = list(result.profiles.values())
+    rows = [profiles[k : k + ABREAST] for k in range(0, len(profiles), ABREAST)]
+    return profile_table(result.profiles) + "".join(drawn(profile_chart(row)) for row in rows) if profiles else ""
 
 
 def _weights(result: Smoothing) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from .answer import code, joined
+from .columns import Columns
 from .document import document, drawn, points_per_curve, save
-from .evidence import Columns
 from .figures import input_chart, output_chart, state_chart
 from .quantities import number, percent, pretty, quantity
 from .tables import table

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .answer import whiteness_sentence
-from .evidence import autocorrelation
 from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
-    from ..results import OutputFit, Prediction, Smoothing
+    from ..results import Criteria, OutputFit, Prediction, Profile, Smoothing
 
-__all__ = ["facts", "fit_table", "parameter_table", "prediction_table", "table", "weight_table"]
+__all__ = ["criteria_facts", "facts", "fit_table", "parameter_table", "prediction_table", "profile_table", "table", "weight_table"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: Sequence[int] = (0,), codes: Sequence[int] = (0,)) -> str:
@@ -48,18 +47,34 @@ def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> 
     """Recording, output, rms error, fit, whiteness p with a sentence."""
     rows = []
     for name, outputs in fit.items():
-        frame = result.estimates.get(name)
         for output, f in outputs.items():
-            largest = None
-            if frame is not None and f"{output}.measured" in frame:
-                error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
-                r = autocorrelation(error, min(60, max(error.size // 4, 1)))[1:]
-                largest = {k + 1: float(v) for k, v in enumerate(r) if np.isfinite(v)}
             p = "< 0.0001" if f.whiteness_p is not None and f.whiteness_p < 1e-4 else number(f.whiteness_p, 2)
             rms = quantity(f.rms, result.units.get(output, ""))
-            rows.append([name, output, rms, percent(f.fit_percent), p, whiteness_sentence(f.whiteness_p, largest)])
-    head = ["recording", "output", "rms error", "fit", "whiteness p", "the errors"]
+            rows.append([name, output, rms, percent(f.fit_percent), p, whiteness_sentence(f)])
+    head = ["recording", "output", "rms error", "fit", "whiteness p", "the prediction errors"]
     return table(head, rows, words=(0, 1, 5), codes=(0, 1))
+
+
+def profile_table(profiles: Mapping[str, Profile]) -> str:
+    """Parameter, estimate, its 95 % interval, how lopsided that is, and what ends it."""
+    rows = []
+    for name, p in profiles.items():
+        ends = [number(p.lower, 6) if p.lower is not None else "open", number(p.upper, 6) if p.upper is not None else "open"]
+        bound = f"a bound, at the {' and '.join(p.limited)} end" if p.limited else NOTHING
+        rows.append([name, number(p.estimate, 6), *ends, pretty(p.unit), number(p.asymmetry, 3), bound])
+    return table(["parameter", "value", "95 % from", "to", "unit", "upper / lower", "ended by"], rows, words=(0, 4, 6))
+
+
+def criteria_facts(c: Criteria) -> str:
+    """Evidence, AIC and BIC in the order of their weight."""
+    pairs = [
+        ("log evidence", number(c.log_evidence, 9)),
+        ("log likelihood", number(c.log_likelihood, 9)),
+        ("AIC", number(c.aic, 9)),
+        ("BIC", number(c.bic, 9)),
+        ("effective parameters", number(c.effective_parameters, 5)),
+    ]
+    return facts(pairs)
 
 
 def prediction_table(prediction: Prediction, units: Mapping[str, str]) -> str:

@@ -6,6 +6,8 @@ initial_guess.py, unseen.py     where a solve starts
 meshing.py, mesh_error.py       how fine a mesh must be, and whether it was fine enough
 program.py, rest.py             the program on a mesh; friction near rest
 variances.py                    weights that nobody gave
+robust.py, outliers.py          samples far off, and what was made of them
 outcome.py, notes.py            what came out, in names and units and in words
 prediction.py                   what was held out
+profile.py                      how far a parameter may go before the data object
 """

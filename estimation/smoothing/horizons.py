@@ -9,7 +9,7 @@ import numpy as np
 from backsight.models import Dae
 from backsight.ocp import Horizon, mesh_over
 
-from ..problem import Problem
+from ..problem import Known, Problem
 from ..recordings.noise import noise_std
 from ..recordings.recording import Recording
 
@@ -24,20 +24,24 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
     """
     tables, chosen = [], []
     supposed = {q.name: q.noise_std for q in problem.dae.outputs}
+    whole = {recording.name: recording for recording in problem.recordings}
     for recording in problem.fitted:
         given = {name: problem.weights.V.get(name, recording.output_std.get(name)) for name in recording.outputs}
         chosen.append({name for name, std in given.items() if std is None})
-        tables.append({name: float(std or noise_std(recording.outputs[name], supposed.get(name))) for name, std in given.items()})
+        tables.append(
+            {name: float(std or noise_std(whole[recording.name].outputs[name], supposed.get(name))) for name, std in given.items()}
+        )
     return tables, chosen
 
 
-def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, float], step: float) -> Horizon:
-    """One recording on a mesh of about `step` [s]."""
+def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, Known], step: float) -> Horizon:
+    """One recording on a mesh of about `step` [s]; `initial` is known of its own start, not of that of a piece after a gap."""
     n = len(recording.time)
     target, target_std = np.full((n, len(dae.outputs)), np.nan), np.ones((n, len(dae.outputs)))
     for i, output in enumerate(dae.outputs):
         if output.name in recording.outputs:
             target[:, i], target_std[:, i] = recording.outputs[output.name], std[output.name]
+    known = {name: start for name, start in initial.items() if recording.part == 0 or start.always}
     # times from the recording's own start: a clock that counts from 1970 would cost digits
     time = recording.time - recording.time[0]
     return Horizon(
@@ -46,8 +50,8 @@ def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initi
         inputs=np.column_stack([recording.inputs[q.name] for q in dae.inputs]) if dae.inputs else np.empty((n, 0)),
         target=target,
         target_std=target_std,
-        initial=np.array([initial.get(q.name, 0.0) for q in dae.states]),
-        initial_std=np.array([0.0 if q.name in initial else np.inf for q in dae.states]),
+        initial=np.array([known[q.name].value if q.name in known else 0.0 for q in dae.states]),
+        initial_std=np.array([known[q.name].std if q.name in known else np.inf for q in dae.states]),
         clock=float(recording.time[0]),
         hold=recording.hold,
     )

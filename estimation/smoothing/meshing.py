@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backsight.ocp import Horizon
-from backsight.ocp.follow import Followed
+from backsight.ocp.follow import MET, Followed, follow
 from backsight.ocp.linear import direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
 
 from ..problem import Problem
+from ..recordings.outliers import screened
 from ..recordings.recording import Recording
 from .horizons import make_horizon, sample_density, sampling_interval
 
@@ -41,6 +42,23 @@ class Meshed:
 def longest_step(recording: Recording) -> float:
     """The coarsest mesh step allowed for a recording [s]."""
     return LONGEST * sampling_interval(recording)
+
+
+def follow_closely(problem: Problem, stds: list[dict[str, float]], step: float | None) -> Followed:
+    """Splines through the samples on the coarsest mesh on which they meet them, of LONGEST sampling intervals at most and one at least.
+
+    A given step [s] is taken as it is. On this mesh parameters and weights are found before the mesh that they ask for.
+    """
+    share = 1.0
+    while True:
+        steps = [step or max(share * longest_step(r), sampling_interval(r)) for r in problem.fitted]
+        horizons = [
+            make_horizon(problem.dae, screened(r), std, problem.start, h) for r, std, h in zip(problem.fitted, stds, steps, strict=True)
+        ]
+        followed = follow(problem.dae, horizons, problem.values)
+        if step or followed.mean_square <= MET or share < 1.0 / LONGEST:
+            return followed
+        share /= 2.0
 
 
 def mesh(
@@ -74,7 +92,7 @@ def mesh(
         least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
         longest = 1.0 if rigid_here or direct_share(places, std, density) > DIRECT else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
-        made = make_horizon(problem.dae, recording, table, problem.initial, step or own)
+        made = make_horizon(problem.dae, recording, table, problem.start, step or own)
         noise = np.array([table.get(q.name, np.inf) for q in problem.dae.outputs])
         for _ in range(int(LONGEST)) if step is None and recording.hold == "zero" else ():
             moved = left_out_of_outputs(places, made.unresolved_step(degree), made.unresolved_impulse(degree), made.mesh.steps)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,21 +10,87 @@ import numpy as np
 from backsight.ocp import Solution
 
 from ..problem import Problem
+from ..recordings.gaps import gap_note
+from ..results import OutputFit, ResidualSummary
+from ..supposed import INPUT
 from ..wording import listed
 from .mesh_error import allowed
+from .outliers import outlier_notes
 from .rest import ROOM
+from .suppositions import bound_notes, colour, supposed_notes
 from .undetermined import open_combinations
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
     from .outcome import Run
 
+DOUBT = 0.01  # chance from which on down a test is worth a sentence
+TELLING = 1.2  # factor on a deviation from which on it is said
+LEAST = 1e-99  # chance that is not spelt out
+OFF = 1.25  # factor between prediction errors and what the weights promise
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
 
-def notes(problem: Problem, run: Run) -> tuple[str, ...]:
+def notes(
+    problem: Problem, run: Run, fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, ResidualSummary]
+) -> tuple[str, ...]:
     """Notes on a run, a sentence or two each."""
-    return (*_on_the_start(problem, run), *_on_forces(problem, run), *_on_the_answer(problem, run), *_on_outputs(problem, run))
+    return (
+        *(note for r in problem.recordings if (note := gap_note(r))),
+        *_on_the_start(problem.plain, run),
+        *_on_forces(problem, run),
+        *supposed_notes(problem),
+        *_on_the_answer(problem.posed, run),
+        *_on_outputs(problem, run),
+        *outlier_notes(problem, run.choice.solution),
+        *on_errors(fit),
+        *on_residuals(residuals),
+    )
+
+
+def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
+    """What the prediction errors of every output say of the stated deviations."""
+    found = []
+    for recording, outputs in fit.items():
+        for name, f in outputs.items():
+            which = f"{name} of {recording}" if len(fit) > 1 else name
+            if f.whiteness_p is not None and f.effective_samples is not None and f.whiteness_p < DOUBT:
+                worth = f"{f.effective_samples:.0f} effective of {f.samples} samples"
+                # the error of what all samples tell, over what is stated: for a parameter whose effect is slow
+                size = (f.prediction_rms or 1.0) * float(np.sqrt(f.samples / f.effective_samples))
+                said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer"
+                times = f", by up to about {size:.2g} times" if size > TELLING else ""
+                found.append(
+                    f"{which}: its prediction errors are not white ({_chance(f.whiteness_p)}, {worth}): something is left out or weighed "
+                    f"wrongly; stated deviations {said}{times}."
+                )
+            if f.prediction_rms is not None and not 1.0 / OFF < f.prediction_rms < OFF:
+                found.append(
+                    f"{which}: its prediction errors are {f.prediction_rms:.2g} times what V and W promise: "
+                    f"{'too much' if f.prediction_rms < 1 else 'too little'} noise is supposed."
+                )
+            if f.normality_p is not None and f.normality_p < DOUBT:
+                found.append(
+                    f"{which}: its prediction errors are not normal ({_chance(f.normality_p)}): outliers, coarse steps of the sensor, or "
+                    "friction that sticks."
+                )
+    return found
+
+
+def on_residuals(residuals: Mapping[str, ResidualSummary]) -> list[str]:
+    """What every residual force looks like."""
+    found = []
+    for place, r in residuals.items():
+        if r.follows is not None:
+            f = r.follows
+            found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
+        elif r.whiteness_p is not None and r.whiteness_p < DOUBT:
+            found.append(f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there.")
+    return found
+
+
+def _chance(p: float) -> str:
+    return f"p = {p:.1g}" if p > LEAST else f"p < {LEAST:.0e}"
 
 
 def _on_the_start(problem: Problem, run: Run) -> list[str]:
@@ -39,15 +106,15 @@ def _on_the_start(problem: Problem, run: Run) -> list[str]:
 
 
 def _on_forces(problem: Problem, run: Run) -> list[str]:
-    dae, choice, found = problem.dae, run.choice, []
+    dae, choice, found = problem.posed.dae, run.choice, []
     t = choice.solution.transcription
     if not t.soft and dae.places:
         found.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):
         place = dae.places[k]
         if place.name in problem.weights.W:
-            found.append(f"W of {place.name}: std {s:.3g} {place.unit} as given.")
-        else:
+            found.append(f"W of {place.name}: std {s:.3g} {place.unit} as given{colour(problem, place.name)}.")
+        elif place in problem.dae.places:
             end = "" if choice.settled else "; it had not settled"
             found.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
     if run.remeshed:
@@ -71,6 +138,7 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
                 f"{info.name} ended on its bound, {value:.6g} {info.unit}: the data pull beyond it, and all other values and deviations "
                 "suppose that it is right."
             )
+    found += bound_notes(problem, solution)
     share = _share_with_room(solution)
     if share > 0:
         found.append(
@@ -97,7 +165,7 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
         for k in recordings:
             is_open = q.name in run.open_outputs[k]
             rule = "from the samples' differences, then from what the fit leaves over" if is_open else "as given"
-            said.setdefault(f"std {run.noise(k, q.name, i):.3g} {q.unit} {rule}", []).append(problem.fitted[k].name)
+            said.setdefault(f"std {run.noise(k, q.name, i):.3g} {q.unit} {rule}", []).append(problem.fitted[k].title)
         several = len(said) > 1
         parts = [f"{rule} ({listed(names)})" if several else rule for rule, names in said.items()]
         found.append(f"V of {q.name}: {'; '.join(parts)}.")
@@ -111,5 +179,6 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
 
 
 def _share_with_room(solution: Solution) -> float:
-    std = solution.transcription.force_std_at(solution.values)
+    t = solution.transcription
+    std = t.force_std_at(solution.values)[[i for i, k in enumerate(t.soft) if not t.dae.places[k].name.startswith(INPUT)]]
     return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0

@@ -11,9 +11,12 @@ import pandas as pd
 from backsight.models import ParameterInfo
 from backsight.ocp import Solution
 
-from ..fit import output_fit
 from ..problem import Free, Problem, Weights
+from ..recordings.recording import Recording
 from ..results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
+from ..supposed import noisy_inputs, own_parameters
+from ..validation.validate import Validation, followed, validate
+from .columns import columns, places
 from .notes import notes
 from .variances import Choice
 
@@ -50,40 +53,29 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     choice = run.choice
     dae, solution = problem.dae, choice.solution
     t, solved = solution.transcription, solution.solved
-    estimates, fit = {}, {}
-    for number, recording in enumerate(problem.fitted):
-        s = solution.sampled(number)
-        columns: dict[str, Array] = {"t_s": recording.time}
-        fits = {}
-        for i, q in enumerate(dae.outputs):
-            columns[q.name] = s.outputs[:, i]
-            if q.name in recording.outputs:
-                columns[f"{q.name}.measured"] = recording.outputs[q.name]
-                fits[q.name] = output_fit(recording.outputs[q.name], s.outputs[:, i])
-            columns[f"{q.name}.std"] = s.outputs_std[:, i]
-        for i, q in enumerate(dae.states):
-            columns[q.name], columns[f"{q.name}.std"] = s.states[:, i], s.states_std[:, i]
-        for k, place in enumerate(dae.places):
-            name = f"residual.{place.name}"
-            if k in t.soft:
-                i = t.soft.index(k)
-                columns[name], columns[f"{name}.std"] = s.forces[:, i], s.forces_std[:, i]
-            else:
-                # so little freedom that the data cannot say anything about it: what is known is what was supposed
-                step = t.horizons[number].mesh.steps.mean()
-                columns[name] = np.zeros(len(recording.time))
-                columns[f"{name}.std"] = np.full(len(recording.time), problem.weights.W.get(place.name, 0.0) / np.sqrt(step))
-        estimates[recording.name], fit[recording.name] = pd.DataFrame(columns), fits
+    recordings = {r.name: r for r in problem.recordings}
+    pieces: dict[str, list[pd.DataFrame]] = {}
+    for number, piece in enumerate(problem.fitted):
+        pieces.setdefault(piece.name, []).append(pd.DataFrame(columns(problem, solution, number, recordings[piece.name])))
+    in_force = {t.dae.places[k].name: float(s) for k, s in zip(t.soft, choice.force_std, strict=True)}
+    estimates = {name: _joined(recordings[name], tables) for name, tables in pieces.items()}
+    validation = validate(solution, [piece.name for piece in problem.fitted], weighed=choice.rounds > 0)
+    fit = {name: validation.fits(recordings[name], table) for name, table in estimates.items()}
+    inputs: dict[str, dict[str, Array]] = {name: dict(recordings[name].inputs) for name in estimates}
+    residuals = _residuals(problem, estimates, inputs, validation)
     return Smoothing(
         model=dae.name,
-        parameters=_parameters(problem, solution),
+        parameters=_parameters(problem, solution, estimates),
         estimates=estimates,
-        inputs={r.name: dict(r.inputs) for r in problem.fitted},
+        inputs=inputs,
         units=_units(problem),
         fit=fit,
         weights=Weights(
-            W={**problem.weights.W, **{dae.places[k].name: float(s) for k, s in zip(t.soft, choice.force_std, strict=True)}},
-            V={q.name: run.noise(first, q.name, i) for i, q in enumerate(dae.outputs) if (first := _first(q.name, run)) is not None},
+            W={**problem.weights.W, **{name: std for name, std in in_force.items() if name in places(problem)}},
+            V={q.name: run.noise(first, q.name, i) for i, q in enumerate(dae.outputs) if (first := _first(q.name, run)) is not None}
+            | noisy_inputs(problem),
+            tau=problem.weights.tau,
+            kind=problem.weights.kind,
         ),
         solver=SolverFacts(
             status=solved.status.value if solution.curvature is not None else NO_MINIMUM,
@@ -93,29 +85,46 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
             build_seconds=build,
             variables=t.nlp.size,
         ),
-        residual_places=_residuals(problem, estimates),
-        notes=notes(problem, run),
+        residual_places=residuals,
+        notes=notes(problem, run, fit, residuals),
+        criteria=validation.criteria,
+        solution=solution,
     )
 
 
-def _parameters(problem: Problem, solution: Solution) -> dict[str, ParameterEstimate]:
-    values = solution.parameters
-    variance = np.full(len(problem.free), np.nan) if solution.curvature is None else solution.curvature.parameter_variance
-    std = dict(zip(problem.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
-    out = {}
-    for i, info in enumerate(problem.dae.parameters):
+def _joined(recording: Recording, pieces: list[pd.DataFrame]) -> pd.DataFrame:
+    """The pieces of a recording as one table with all its rows; those of no piece have no estimates."""
+    table = pd.concat(pieces, ignore_index=True)
+    if len(table) == len(recording.time):
+        return table
+    table = table.set_index("t_s").reindex(recording.time).reset_index(names="t_s")
+    return table.assign(**{f"{name}.measured": y for name, y in recording.outputs.items()})
+
+
+def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd.DataFrame]) -> dict[str, ParameterEstimate]:
+    """The model's parameters in its order; one that every recording has of its own in each, one that drifts as its mean over time."""
+    posed, values = problem.posed, solution.parameters
+    variance = np.full(len(posed.free), np.nan) if solution.curvature is None else solution.curvature.parameter_variance
+    std = dict(zip(posed.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
+    number = {info.name: i for i, info in enumerate(posed.dae.parameters)}
+    own, out = own_parameters(problem), {}
+    for info in problem.dae.parameters:
         given = problem.parameters.get(info.name)
-        free = isinstance(given, Free)
-        s = float(std[i]) if free and np.isfinite(std[i]) and std[i] > 0 else None
-        out[info.name] = ParameterEstimate(
-            name=info.name,
-            value=float(values[i]),
-            std=s,
-            unit=info.unit,
-            fixed=not free,
-            identifiable=_identified(float(values[i]), s, info) if free else None,
-            guess=given.guess if isinstance(given, Free) else None,
-        )
+        for name in own.get(info.name, [info.name]):
+            value, s = float(values[number[name]]), float(std.get(number[name], np.nan))
+            if isinstance(given, Free) and given.drift is not None:
+                path = np.vstack([table[[name, f"{name}.std"]].to_numpy() for table in estimates.values()])
+                value, s = (float(mean) for mean in np.nanmean(path, axis=0))
+            known = s if isinstance(given, Free) and np.isfinite(s) and s > 0 else None
+            out[name] = ParameterEstimate(
+                name=name,
+                value=value,
+                std=known,
+                unit=info.unit,
+                fixed=not isinstance(given, Free),
+                identifiable=_identified(value, known, info) if isinstance(given, Free) else None,
+                guess=given.guess if isinstance(given, Free) else None,
+            )
     return out
 
 
@@ -128,19 +137,27 @@ def _identified(value: float, std: float | None, info: ParameterInfo) -> bool:
 
 def _units(problem: Problem) -> dict[str, str]:
     dae = problem.dae
-    units = {"t_s": "s"}
-    for q in (*dae.inputs, *dae.outputs, *dae.states):
-        units[q.name] = q.unit
-    for place in dae.places:
-        units[f"residual.{place.name}"] = place.unit
-    return units
+    units = {"t_s": "s"} | {q.name: q.unit for q in (*dae.inputs, *dae.outputs, *dae.states)}
+    units |= {p.name: p.unit for p in dae.parameters if p.name in problem.varying}
+    return units | {f"residual.{name}": unit for name, unit in places(problem).items()}
 
 
-def _residuals(problem: Problem, estimates: dict[str, pd.DataFrame]) -> dict[str, ResidualSummary]:
-    out = {}
-    for place in problem.dae.places:
-        values = np.concatenate([table[f"residual.{place.name}"].to_numpy() for table in estimates.values()])
-        out[place.name] = ResidualSummary(place=place.name, unit=place.unit, rms=float(np.sqrt(np.mean(values**2))), origin=place.origin)
+def _residuals(
+    problem: Problem, estimates: dict[str, pd.DataFrame], inputs: dict[str, dict[str, Array]], validation: Validation
+) -> dict[str, ResidualSummary]:
+    out, states, units = {}, tuple(q.name for q in problem.dae.states), _units(problem)
+    for place in problem.posed.dae.places:
+        if place.name in places(problem):
+            values = np.concatenate([table[f"residual.{place.name}"].to_numpy() for table in estimates.values()])
+            rms = float(np.sqrt(np.nanmean(values**2)))
+            out[place.name] = ResidualSummary(
+                place=place.name,
+                unit=place.unit,
+                rms=rms,
+                origin=place.origin,
+                whiteness_p=validation.force_p.get(place.name),
+                follows=followed(place.name, place.unit, estimates, inputs, states, units),
+            )
     return out
 
 

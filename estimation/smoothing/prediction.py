@@ -20,12 +20,13 @@ import pandas as pd
 import scipy.linalg
 
 from backsight.models import Dae, ModelError, Quantity, SolveError, Trajectory, simulate
+from backsight.models.augmentation.parameters import case_name
 from backsight.ocp.linear import linearise
 
-from ..fit import output_fit
-from ..problem import Problem
+from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Prediction, Smoothing
+from ..validation.fit import output_fit
 from ..wording import listed
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -64,9 +65,9 @@ def _prediction(
     last = n - 1 - window  # row from which the last window runs
     starts = sorted({int(k) for k in np.linspace(head - 1, last, WINDOWS)}) if window > 1 and last > head else []
     heads = {k: slice(k - head + 1, k + 1) for k in (head - 1, *starts)}
-    states = _states(problem, result, recording, heads, smooth)
-    first = {q.name: problem.initial.get(q.name, float(states[head - 1][q.name].iloc[0])) for q in problem.dae.states}
-    run = _simulated(problem, result, recording, slice(0, n), first)
+    states, own = _states(problem, result, recording, heads, smooth)
+    first = {q.name: problem.known_exactly.get(q.name, float(states[head - 1][q.name].iloc[0])) for q in problem.dae.states}
+    run = _simulated(problem, result, recording, slice(0, n), first, own[head - 1])
     columns: dict[str, Array] = {"t_s": recording.time}
     for q in problem.dae.outputs:
         columns[q.name] = run.outputs[q.name]
@@ -76,7 +77,8 @@ def _prediction(
     square, count = dict.fromkeys(recording.outputs, 0.0), dict.fromkeys(recording.outputs, 0)
     for k in starts:
         rows = slice(k, k + window + 1)
-        ahead = _simulated(problem, result, recording, rows, {q.name: float(states[k][q.name].iloc[-1]) for q in problem.dae.states})
+        start = {q.name: float(states[k][q.name].iloc[-1]) for q in problem.dae.states}
+        ahead = _simulated(problem, result, recording, rows, start, own[k])
         for name, y in recording.outputs.items():
             error = (y[rows] - ahead.outputs[name])[1:]
             square[name] += float(np.nansum(error**2))
@@ -93,8 +95,8 @@ def _prediction(
 
 def _states(
     problem: Problem, result: Smoothing, recording: Recording, heads: dict[int, slice], smooth: Callable[[Problem], Smoothing]
-) -> dict[int, pd.DataFrame]:
-    """The smoothed rows of every head, all in one problem."""
+) -> tuple[dict[int, pd.DataFrame], dict[int, dict[str, float]]]:
+    """The smoothed rows of every head, all in one problem; and the parameters that vary as each head tells them, at its end."""
     pieces = {}
     for k, rows in heads.items():
         outputs = {name: y[rows] for name, y in recording.outputs.items() if np.isfinite(y[rows]).any()}
@@ -102,21 +104,51 @@ def _states(
             raise ModelError(f"no output has a value in {recording.time[rows][0]:.9g} .. {recording.time[rows][-1]:.9g} s")
         inputs = {name: u[rows] for name, u in recording.inputs.items()}
         pieces[k] = replace(recording, name=str(k), time=recording.time[rows], inputs=inputs, outputs=outputs, role="fit")
-    parameters = {name: p.value for name, p in result.parameters.items()}
-    fixed = Problem(model=problem.dae, recordings=list(pieces.values()), parameters=parameters, weights=result.weights)
+    varying = _of_heads(problem, result)
+    parameters: dict[str, Free | float] = {p.name: varying.get(p.name, result.value(p.name)) for p in problem.dae.parameters}
+    fixed = Problem(
+        model=problem.dae, recordings=list(pieces.values()), parameters=parameters, weights=result.weights, bounds=problem.bounds
+    )
     smoothed = smooth(fixed)
     if not smoothed.solver.converged:
         raise SolveError(f"its start was not found: {smoothed.solver.status.rstrip('.')}")
-    return {k: smoothed.estimates[str(k)] for k in pieces}
+    tables = {k: smoothed.estimates[str(k)] for k in pieces}
+    own = {
+        k: {
+            name: float(table[name].iloc[-1]) if free.drift is not None else smoothed.parameters[case_name(name, str(k))].value
+            for name, free in varying.items()
+        }
+        for k, table in tables.items()
+    }
+    return tables, own
 
 
-def _simulated(problem: Problem, result: Smoothing, recording: Recording, rows: slice, start: dict[str, float]) -> Trajectory:
+def _of_heads(problem: Problem, result: Smoothing) -> dict[str, Free]:
+    """What a head may suppose of a parameter that varies: that it is one more of the values that were found, in time or of a recording."""
+    found = {}
+    for name, free in problem.varying.items():
+        if free.drift is not None:
+            value = np.concatenate([table[name].to_numpy() for table in result.estimates.values()])
+            std = np.concatenate([table[f"{name}.std"].to_numpy() for table in result.estimates.values()])
+        else:
+            own = [p for n, p in result.parameters.items() if n.startswith(f"{name} [")]
+            value, std = np.array([p.value for p in own]), np.array([p.std if p.std is not None else np.nan for p in own])
+        spread = float(np.sqrt(np.nanvar(value) + np.nanmean(std) ** 2)) if np.isfinite(std).any() else np.nan
+        known = spread if len(result.estimates) > 1 or free.drift is not None else np.nan
+        guess = float(np.clip(np.nanmean(value), free.min, free.max))
+        found[name] = replace(free, guess=guess, std=known if np.isfinite(known) and known > 0 else free.std)
+    return found
+
+
+def _simulated(
+    problem: Problem, result: Smoothing, recording: Recording, rows: slice, start: dict[str, float], own: Mapping[str, float]
+) -> Trajectory:
     rounded = {p.name for p in problem.dae.parameters if p.smoothing and p.name not in problem.parameters}
     return simulate(
         problem.dae,
         recording.time[rows],
         {name: u[rows] for name, u in recording.inputs.items()},
-        parameters={name: p.value for name, p in result.parameters.items() if name not in rounded},
+        parameters={p.name: own.get(p.name, result.value(p.name)) for p in problem.dae.parameters if p.name not in rounded},
         initial=start,
         hold=recording.hold,
     )
@@ -157,7 +189,7 @@ def remembering(dae: Dae, result: Smoothing, recording: Recording, run: Trajecto
         there(dae.algebraics, run.algebraics),
         there(dae.inputs, recording.inputs),
         run.t[k : k + 1],
-        np.array([result.parameters[p.name].value for p in dae.parameters]),
+        np.array([result.value(p.name) for p in dae.parameters]),
         (),
     )
     A, C = linear.A[0], linear.C[0]

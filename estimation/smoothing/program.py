@@ -15,8 +15,10 @@ from backsight.ocp.readout import read
 from backsight.ocp.scaling import scaled
 
 from ..problem import Free, Problem
+from ..supposed import input_spread
 from .initial_guess import start_decisions
 from .rest import FrictionLaw, open_at_rest, with_room
+from .robust import Losses, solve_robustly
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -39,7 +41,8 @@ class Settings:
 class Program:
     """A transcription with its numbers, a start (n + np,) and the bounds (n + np,) of its decisions.
 
-    at_rest (n_soft, N): standard deviations of the residual forces near rest (`rest.py`), which the numbers have.
+    at_rest (n_soft, N): standard deviations of the residual forces near rest (`rest.py`), which the numbers have. losses: of the samples
+    (`robust.py`), None where all are squares.
     """
 
     transcription: Transcription
@@ -49,9 +52,24 @@ class Program:
     lower: Array
     upper: Array
     at_rest: Array
+    losses: Losses | None = None
 
     def solve(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
         """The program solved from these decisions with these numbers, in the units that they ask for; newton: to the full tolerance."""
+        if self.losses is None:
+            return self._squares(decisions, values, newton, say)
+        number = [term.name for term in self.transcription.nlp.terms].index("samples")
+        return solve_robustly(
+            lambda decisions, values, newton: self._squares(decisions, values, newton, say),
+            lambda decisions, values: self.solver.rows(decisions, values)[number],
+            decisions,
+            values,
+            newton,
+            losses=self.losses,
+            number=number,
+        )
+
+    def _squares(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
         values = scaled(self.solver, decisions, values)
         solved = self.solver.solve(decisions, values, lower=self.lower, upper=self.upper, newton=newton, progress=say)
         here = self.transcription.nlp.about(values, solved.decisions)
@@ -79,9 +97,18 @@ def make_program(
     knots = [h.mesh.knots for h in transcription.horizons]
     at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
     std = transcription.force_std
-    values = transcription.with_force_std(values, with_room(std, at_rest) / std[:, None])
-    lower, upper = _bounds(problem, transcription)
-    return Program(transcription=transcription, solver=solver, values=values, start=first, lower=lower, upper=upper, at_rest=at_rest)
+    values = transcription.with_force_std(values, with_room(std, at_rest) / std[:, None] * input_spread(problem, transcription))
+    lower, upper = decision_bounds(problem, transcription)
+    return Program(
+        transcription=transcription,
+        solver=solver,
+        values=values,
+        start=first,
+        lower=lower,
+        upper=upper,
+        at_rest=at_rest,
+        losses=Losses.of(problem),
+    )
 
 
 def _transcribe(problem: Problem, horizons: Sequence[Horizon], force_std: dict[int, float], settings: Settings) -> Transcription:
@@ -105,8 +132,8 @@ def _with_fine_input(transcription: Transcription, decisions: Array, parameters:
     return replace(values, target=targets)
 
 
-def _bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Array]:
-    """Bounds of all decisions: parameters within their own and the physical ones, known initial states fixed."""
+def decision_bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Array]:
+    """Bounds of all decisions: parameters within their own and the physical ones, states at the knots, known initial states fixed."""
     nlp, dae = transcription.nlp, problem.dae
     lower, upper = np.full(nlp.size, -np.inf), np.full(nlp.size, np.inf)
     for k, i in enumerate(problem.free):
@@ -114,6 +141,11 @@ def _bounds(problem: Problem, transcription: Transcription) -> tuple[Array, Arra
         if isinstance(free, Free):
             lower[nlp.trajectory_size + k] = max(free.min, dae.parameters[i].minimum)
             upper[nlp.trajectory_size + k] = min(free.max, dae.parameters[i].maximum)
+    states = nlp.interpolation.states
+    for i, q in enumerate(dae.states):
+        if q.name in problem.bounds:
+            knots = nlp.index[[i, i - states]]  # at both ends of every interval
+            lower[knots], upper[knots] = problem.bounds[q.name]
     for start, horizon in zip(transcription.starts, transcription.horizons, strict=True):
         known = horizon.initial_std == 0
         lower[start[known]] = upper[start[known]] = horizon.initial[known]

@@ -8,16 +8,15 @@ room in these intervals, as much as the law is strong, and what happens there te
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from backsight.models import Dae
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
+from .along import along
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
@@ -77,7 +76,7 @@ def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: 
 def rms_velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> float:
     """The law's rms velocity along the followed trajectories of all recordings."""
     expression = problem.dae.variables[law.velocity]
-    velocity = [_along(problem.dae, expression, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
+    velocity = [along(problem.dae, expression, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
     return float(np.sqrt(np.mean(np.hstack(velocity) ** 2)))
 
 
@@ -95,7 +94,7 @@ def open_at_rest(
         part = np.zeros((len(soft), len(own) - 1))
         for law, strength in zip(laws, strengths, strict=True):
             times = np.concatenate([own[:-1], (own[1:] + own[:-1]) / 2, own[1:]])
-            v = _along(problem.dae, problem.dae.variables[law.velocity], followed, number, times, parameters).reshape(3, -1)
+            v = along(problem.dae, problem.dae.variables[law.velocity], followed, number, times, parameters).reshape(3, -1)
             change = v.max(axis=0) - v.min(axis=0)
             least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
             near = least <= np.maximum(NEAR * parameters[law.width], change)
@@ -124,16 +123,6 @@ def _strengths(problem: Problem, law: FrictionLaw, followed: Followed, parameter
         for width in (SHARP * rms, rms / SHARP):
             there = parameters.copy()
             there[law.width] = width
-            sides.append(_along(dae, F, followed, number, horizon.mesh.knots, there))
+            sides.append(along(dae, F, followed, number, horizon.mesh.knots, there))
         largest = np.maximum(largest, np.abs(sides[0] - sides[1]).max(axis=1))
     return [float(f) if np.isfinite(f) else 0.0 for f in largest]
-
-
-def _along(dae: Dae, expression: Any, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
-    """An expression of the model along a followed trajectory, (rows, M)."""
-    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
-    function = ca.Function("along", arguments, [ca.densify(expression)])
-    dx, x, z = followed.at(number, times)
-    u = followed.horizons[number].input_at(times)
-    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
-    return np.asarray(values, dtype=np.float64)

@@ -11,26 +11,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backsight.ocp import Horizon, Solution, Status
-from backsight.ocp.follow import Followed, follow
+from backsight.ocp import Horizon, Options, Solution, Status
+from backsight.ocp.follow import Followed
 
+from ..delays import settled
+from ..holds import with_better_hold
 from ..problem import Problem
 from ..results import Smoothing
-from .horizons import make_horizon, output_stds
+from .approach import approach
+from .horizons import output_stds
 from .initial_guess import balance
+from .lifted import lifted, measured_by
 from .mesh_error import Checked, refine
-from .meshing import Meshed, longest_step, mesh
+from .meshing import Meshed, follow_closely, mesh
 from .outcome import Run, outcome
 from .prediction import predict
 from .program import Program, Settings, make_program
 from .rest import FrictionLaw, friction_laws, smoothing_widths
-from .unseen import complete, unseen_states
+from .unseen import unseen_states
 from .variances import LEAST_NOISE, Choice, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
 
 MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mesh is chosen anew
+ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the way
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -40,46 +45,61 @@ def smooth(problem: Problem, *, settings: Settings | None = None, progress: Call
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
     converge: `solver.converged` tells. settings: numerics (default: chosen). Raises InputError for a problem that cannot be posed.
     """
-    say, settings = progress or (lambda _: None), settings or Settings()
+
+    def once(posed: Problem) -> Smoothing:
+        return _smoothed(posed, settings or Settings(), progress or (lambda _: None))
+
+    return with_better_hold(problem, lambda held: settled(held, once))
+
+
+def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) -> Smoothing:
     began = time.perf_counter()
+    asked, plain, problem = problem, problem.plain, problem.posed
     stds, open_outputs = output_stds(problem)
     say("following the samples")
-    followed = follow(
-        problem.dae,
-        [make_horizon(problem.dae, r, std, problem.initial, 2 * longest_step(r)) for r, std in zip(problem.fitted, stds, strict=True)],
-        problem.values,
-    )
-    parameters = problem.values
-    laws = friction_laws(problem)
-    if unseen_states(problem):
-        say("starting what no output shows")
-        followed = complete(problem, followed, laws)
-    for index, width in smoothing_widths(problem, laws, followed).items():
-        parameters[index] = width
+    followed = follow_closely(plain, stds, settings.step)
+    laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
+    start = parameters.copy()
+    if plain.free or unseen_states(plain):
+        least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
+        begun = approach(plain, followed, laws, start, least, say)
+        followed, start, force_std = begun.followed, begun.parameters, begun.force_std
+    else:
+        force_std = balance(plain, followed, start).force_std
+    for index, width in smoothing_widths(plain, laws, followed).items():
+        parameters[index] = start[index] = width
+    parameters = measured_by(problem, parameters, start)
     work = _Work(
         problem=problem, settings=settings, laws=laws, parameters=parameters, given=given, open_outputs=tuple(open_outputs), say=say
     )
-    start = balance(problem, followed, parameters)
-    force_std = {**start.force_std, **given}
-    meshed = work.meshed(followed, stds, force_std, start.parameters)
-    if meshed.rigid and set(given) == set(start.force_std):
+    followed = lifted(problem, plain, followed, start)
+    force_std = {**force_std, **given}
+    least_noise = LEAST_NOISE * np.ones((len(stds), len(problem.dae.outputs)))
+    if settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
+        rough, stds_then = work.roughly(followed, stds, force_std, start, least_noise), stds
+        if rough is not None:
+            followed, start, stds = _followed(rough.solution), rough.solution.parameters, work.in_force(stds_then, rough)
+            force_std = dict(zip(rough.solution.transcription.soft, rough.force_std.tolist(), strict=True))
+            least_noise = least_noise / rough.output_factor
+    meshed = work.meshed(followed, stds, force_std, start)
+    if meshed.rigid and set(given) == set(force_std):
         force_std = {}
-    program = work.program(meshed.horizons, followed, force_std, start.parameters)
+    program = work.program(meshed.horizons, followed, force_std, start)
     build = time.perf_counter() - began
 
-    choice, remeshed = work.chosen(program, meshed.least_std, LEAST_NOISE * np.ones((len(stds), len(problem.dae.outputs)))), False
+    choice, remeshed = work.chosen(program, meshed.least_std, least_noise), False
     if settings.step is None and _moved(choice, force_std):
         choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
     checked = refine(choice.solution, lambda at, horizons: work.again(at, horizons, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
-    result = outcome(problem, run, build=build, seconds=time.perf_counter() - began - build)
-    if len(problem.recordings) == len(problem.fitted) or not result.solver.converged:
+    result = outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
+    if all(r.role == "fit" for r in asked.recordings) or not result.solver.converged:
         return result
     say("predicting what was held out")
-    held_out, notes = predict(problem, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
+    held_out, notes = predict(asked, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
     return replace(result, held_out=held_out, notes=(*result.notes, *notes))
 
 
@@ -108,10 +128,10 @@ class _Work:
         """The program on these meshes, started on these trajectories and parameters."""
         return make_program(self.problem, self.settings, horizons, followed, self.laws, force_std, self.parameters, start)
 
-    def chosen(self, program: Program, least_std: Mapping[int, float], least_noise: Array) -> Choice:
-        """The program solved, with weights from the data where nobody gave them."""
+    def chosen(self, program: Program, least_std: Mapping[int, float], least_noise: Array, full: bool = True) -> Choice:
+        """The program solved, with weights from the data where nobody gave them; full: to the full tolerance at last."""
         return choose_weights(
-            lambda decisions, values, newton: program.solve(decisions, values, newton, self.say),
+            lambda decisions, values, newton: program.solve(decisions, values, newton and full, self.say),
             program.start,
             program.values,
             program.transcription,
@@ -123,12 +143,22 @@ class _Work:
             self.say,
         )
 
+    def roughly(self, followed: Followed, stds: Stds, force_std: dict[int, float], start: Array, least_noise: Array) -> Choice | None:
+        """Weights from the data on the mesh of the followed trajectories, which is coarse, to where a fine mesh need not begin."""
+        steps = np.concatenate([h.mesh.steps for h in followed.transcription.horizons])
+        work = replace(self, settings=replace(self.settings, step=float(np.median(steps)), options=ROUGH))
+        meshed = work.meshed(followed, stds, force_std, start)
+        program = work.program(meshed.horizons, followed, force_std, start)
+        choice = work.chosen(program, meshed.least_std, least_noise, full=False)
+        usable = choice.solution.solved.status.converged or choice.solution.solved.status is Status.ITERATIONS
+        return choice if usable and np.all(np.isfinite(choice.solution.solved.decisions)) else None
+
     def on_a_new_mesh(self, choice: Choice, meshed: Meshed, stds: Stds) -> tuple[Choice, Stds, bool]:
         """The whole once more on the mesh that the chosen weights ask for, if that is finer; else what there is.
 
         A coarser one would do, but what is there already is no worse.
         """
-        solution, now = choice.solution, self._in_force(stds, choice)
+        solution, now = choice.solution, self.in_force(stds, choice)
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         anew = self.meshed(_followed(solution), now, force_std, solution.parameters)
         if _intervals(anew.horizons) < FINER * _intervals(meshed.horizons):
@@ -139,7 +169,7 @@ class _Work:
 
     def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
         """What a finer mesh gave; weights from the data once more where the old mesh's error was in them."""
-        solution, now = checked.solution, self._in_force(stds, choice)
+        solution, now = checked.solution, self.in_force(stds, choice)
         kept = replace(choice, solution=solution, output_factor=np.ones_like(choice.output_factor))
         if not checked.mattered or not (set(solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
             return kept, now
@@ -148,7 +178,7 @@ class _Work:
         second = self.chosen(program, least_std, LEAST_NOISE / choice.output_factor)
         return (second, now) if second.solution.solved.status.converged else (kept, now)
 
-    def _in_force(self, stds: Stds, choice: Choice) -> Stds:
+    def in_force(self, stds: Stds, choice: Choice) -> Stds:
         """The outputs' standard deviations with the factors that were chosen."""
         factors = [dict(zip((q.name for q in self.problem.dae.outputs), row.tolist(), strict=True)) for row in choice.output_factor]
         return [{name: std * f[name] for name, std in table.items()} for table, f in zip(stds, factors, strict=True)]

@@ -19,7 +19,7 @@ def open_combinations(problem: Problem, solution: Solution) -> list[str]:
     if solution.curvature is None or not len(solution.curvature.null):
         return []
     dae, t = problem.dae, solution.transcription
-    starts = [(f"{q.name} at the start of {r.name}", q.unit, q.nominal) for r in problem.fitted for q in dae.states]
+    starts = [(f"{q.name} at the start of {r.title}", q.unit, q.nominal) for r in problem.fitted for q in dae.states]
     if len(problem.fitted) == 1:
         starts = [(f"{q.name} at the start", q.unit, q.nominal) for q in dae.states]
     values = solution.solved.decisions[t.nlp.trajectory_size :]

@@ -20,6 +20,7 @@ from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
 from .rest import with_room
+from .robust import RobustSolution
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
@@ -157,7 +158,10 @@ def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> float
     families = len(solution.transcription.dae.outputs) if term == "samples" else len(solution.transcription.soft)
     scale = solution.values.scale[number][i::families]
     there = scale > 0 if columns is None else (scale > 0) & columns
-    squares = float(np.sum(solution.rows[number][i::families][there] ** 2))
-    freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
+    if term == "samples" and isinstance(solution, RobustSolution):
+        squares, freedom = (float(np.sum(rows[i::families][there])) for rows in solution.squares())
+    else:
+        squares = float(np.sum(solution.rows[number][i::families][there] ** 2))
+        freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
     freedom = max(freedom, LEAST_FREEDOM * np.count_nonzero(there))
     return float(np.sqrt(max(squares, 1e-12 * freedom) / freedom))

@@ -42,7 +42,13 @@ def sentence(error: ValidationError, label: str, text: str) -> str:
         where = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
         return f'{place(label, text, path)}: unknown key "{path[-1]}"{where}; {suggestion(str(path[-1]), known)}'
     if kind == "missing":
-        example = {"model": 'model = "actuator"', "file": 'file = "run.csv"', "time": 'time = "t_s"', "guess": "guess = 1.0"}
+        example = {
+            "model": 'model = "actuator"',
+            "file": 'file = "run.csv"',
+            "time": 'time = "t_s"',
+            "guess": "guess = 1.0",
+            "value": "value = 0.0",
+        }
         remedy = f", as in {example[str(path[-1])]}" if str(path[-1]) in example else ""
         where = f" of {dotted(path[:-1])}" if len(path) > 1 else ""
         return f'{place(label, text, path[:-1])}: "{path[-1]}"{where} is missing; add it{remedy}'
@@ -113,6 +119,8 @@ def _known_keys(path: Path) -> list[str]:
         "weights": schema.WeightTable,
         "W": schema.Weight,
         "V": schema.Weight,
+        "initial": schema.InitialTable,
+        "bounds": schema.BoundTable,
         "horizon": schema.Horizon,
     }
     names = [str(part) for part in path if str(part) in tables]

@@ -21,12 +21,17 @@ def _kind(value: Any) -> str:
 
 
 class FreeParameter(Part):
-    """An estimated parameter: `{ guess = 80.0, min = 1.0, max = 1e3, std = 5.0 }`."""
+    """An estimated parameter: `{ guess = 80.0, min = 1.0, max = 1e3, std = 5.0 }`.
+
+    It may drift, `drift = 0.1` [unit/sqrt(s)], or be every recording's own, `per_recording = true`.
+    """
 
     guess: Finite
     min: float = float("-inf")
     max: float = float("inf")
     std: Positive | None = None
+    drift: Positive | None = None
+    per_recording: bool = False
 
     @model_validator(mode="after")
     def _ordered(self) -> FreeParameter:
@@ -37,36 +42,59 @@ class FreeParameter(Part):
         if not self.min <= self.guess <= self.max:
             bound = f"min = {self.min:g}" if self.guess < self.min else f"max = {self.max:g}"
             raise ValueError(f"guess = {self.guess:g} lies outside its bounds ({bound}); move one of them")
+        if self.drift is not None and self.per_recording:
+            raise ValueError(f"drift = {self.drift:g} starts anew in every recording anyhow; leave per_recording out")
         return self
 
 
+def _word(value: Any) -> str:
+    return "<word>" if isinstance(value, str) else "<number>"
+
+
+DelayEntry = Annotated[
+    Annotated[Annotated[float, Field(ge=0, allow_inf_nan=False)], Tag("<number>")] | Annotated[Literal["estimate"], Tag("<word>")],
+    Discriminator(_word),
+]
+
+
 class InputTable(Part):
-    """Where an input is recorded: `{ column = "u_kN", unit = "kN" }`."""
+    """Where an input is recorded: `{ column = "u_kN", unit = "kN" }`; delay = "estimate": all inputs act late by a free parameter."""
 
     column: str
     unit: str | None = None
+    delay: Literal["estimate"] | None = None
 
 
 class OutputTable(Part):
-    """Where an output is recorded: `{ column = "q_mm", std = 2e-6, unit = "mm", delay = 0.001 }`; std in SI."""
+    """Where an output is recorded: `{ column = "q_mm", std = 2e-6, unit = "mm", delay = 0.001, loss = "huber" }`; std in SI.
+
+    delay = "estimate" makes the delay a free parameter.
+    """
 
     column: str
     std: Positive | None = None
     unit: str | None = None
-    delay: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    delay: DelayEntry = 0.0
+    loss: Literal["square", "huber", "auto"] = "square"
 
 
 class Weight(Part):
-    """How far a residual may go: `{ std = 2.0 }` or `{ weight = 0.25 }` (1/std²), and its correlation time `tau` in seconds."""
+    """How far a residual may go: `{ std = 2.0 }` or `{ weight = 0.25 }` (1/std²).
+
+    With its correlation time `tau` in seconds it is coloured, of rms std and of the kind "ou" (Ornstein-Uhlenbeck) or "matern" (3/2).
+    """
 
     std: Positive | None = None
     weight: Positive | None = None
     tau: Positive | None = None
+    kind: Literal["ou", "matern"] | None = None
 
     @model_validator(mode="after")
     def _one_size(self) -> Weight:
         if (self.std is None) == (self.weight is None):
             raise ValueError("give either std or weight (= 1/std^2)" + (", not both" if self.std is not None else ""))
+        if self.kind is not None and self.tau is None:
+            raise ValueError(f'kind = "{self.kind}" is that of a residual with a correlation time; give tau in seconds too')
         return self
 
     @property
@@ -76,7 +104,7 @@ class Weight(Part):
 
 
 class WeightTable(Part):
-    """`[weights]`: W per place, V per output."""
+    """`[weights]`: W per place, V per output or input."""
 
     W: dict[str, Weight] = {}
     V: dict[str, Weight] = {}
@@ -90,6 +118,26 @@ class WeightTable(Part):
         return value
 
 
+class InitialTable(Part):
+    """What is known of a state at the start: `{ value = 0.0, std = 0.1 }`; without std exactly."""
+
+    value: Finite
+    std: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+
+
+class BoundTable(Part):
+    """Where a state stays: `{ min = 0.0, max = 0.3 }`, or one of them."""
+
+    min: float = float("-inf")
+    max: float = float("inf")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> BoundTable:
+        if not self.min < self.max:
+            raise ValueError(f"min = {self.min:g} is not below max = {self.max:g}; exchange them")
+        return self
+
+
 class Horizon(Part):
     """`[horizon]`: how many samples the moving horizon sees."""
 
@@ -98,6 +146,7 @@ class Horizon(Part):
 
 InputEntry = Annotated[Annotated[InputTable, Tag("<table>")] | Annotated[str, Tag("<plain>")], Discriminator(_kind)]
 OutputEntry = Annotated[Annotated[OutputTable, Tag("<table>")] | Annotated[str, Tag("<plain>")], Discriminator(_kind)]
+InitialEntry = Annotated[Annotated[InitialTable, Tag("<table>")] | Annotated[Finite, Tag("<plain>")], Discriminator(_kind)]
 ParameterEntry = Annotated[Annotated[FreeParameter, Tag("<table>")] | Annotated[Finite, Tag("<plain>")], Discriminator(_kind)]
 
 
@@ -109,7 +158,8 @@ class RecordingTable(Part):
     time: InputEntry
     range: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
     every: Annotated[int, Field(ge=1)] = 1
-    hold: Literal["zero", "linear"] = "zero"
+    hold: Literal["zero", "linear", "auto"] = "zero"
+    gap: Positive | None = None
     inputs: dict[str, InputEntry] = {}
     outputs: dict[str, OutputEntry] = {}
 
@@ -129,17 +179,19 @@ class StudyFile(Part):
     recording: list[RecordingTable] = []
     weights: WeightTable = WeightTable()
     horizon: Horizon | None = None
-    initial: dict[str, Finite] = {}
+    initial: dict[str, InitialEntry] = {}
+    bounds: dict[str, BoundTable] = {}
 
-    @field_validator("parameters", "initial", mode="before")
+    @field_validator("parameters", "initial", "bounds", mode="before")
     @classmethod
     def _flat(cls, value: Any) -> Any:
         """`carriage.m = 80.0` without quotes is a table in a table to TOML; it means what "carriage.m" means."""
         if not isinstance(value, dict):
             return value
         flat: dict[str, Any] = {}
+        own = FreeParameter.model_fields.keys() | InitialTable.model_fields.keys()
         for name, entry in value.items():
-            if isinstance(entry, dict) and entry and "." not in name and not entry.keys() & FreeParameter.model_fields.keys():
+            if isinstance(entry, dict) and entry and "." not in name and not entry.keys() & own:
                 flat.update({f"{name}.{key}": inner for key, inner in entry.items()})
             else:
                 flat[name] = entry

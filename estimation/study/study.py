@@ -21,15 +21,16 @@ from pydantic import ValidationError
 from backsight.models import Dae, Model
 from backsight.models.errors import InputError, suggestion
 
+from ..recordings.columns import InputColumn, OutputColumn
 from ..recordings.excitation import check_excitation
-from ..recordings.recording import InputColumn, OutputColumn, Recording
+from ..recordings.recording import Recording
 from ..wording import number, quoted
 from .errors import place, sentence
 from .model_source import compiled, load_model
-from .schema import FreeParameter, InputTable, OutputTable, RecordingTable, StudyFile, WeightTable
+from .schema import FreeParameter, InitialTable, InputTable, OutputTable, RecordingTable, StudyFile, WeightTable
 
 if TYPE_CHECKING:
-    from ..problem import Problem
+    from ..problem import Problem, Weights
 
 
 @dataclass(frozen=True)
@@ -105,11 +106,9 @@ class Study:
         return {name: entry.guess if isinstance(entry, FreeParameter) else float(entry) for name, entry in self.file.parameters.items()}
 
     def initial(self) -> dict[str, float]:
-        """The known initial values of states."""
-        known = [q.name for q in self.dae.states]
-        for name in self.file.initial:
-            self._known(name, known, "initial", name, what="state")
-        return {name: float(value) for name, value in self.file.initial.items()}
+        """The known initial values of states, however well they are known."""
+        self._check_states("initial", self.file.initial)
+        return {name: entry.value if isinstance(entry, InitialTable) else float(entry) for name, entry in self.file.initial.items()}
 
     def horizon(self) -> int | None:
         """Samples of the moving horizon, None where the study leaves it open; it must fit into every fitted recording."""
@@ -126,11 +125,14 @@ class Study:
 
     def problem(self) -> Problem:
         """The estimation problem. Raises InputError where it cannot be posed."""
-        from ..problem import Free, Problem, Weights
+        from ..problem import Free, Known, Problem
 
         self._check_parameters()
         weights = self._weights()
-        initial = self.initial()
+        initial: dict[str, float | Known] = dict(self.initial())
+        tables = {name: entry for name, entry in self.file.initial.items() if isinstance(entry, InitialTable)}
+        initial |= {name: Known(entry.value, entry.std) for name, entry in tables.items()}
+        self._check_states("bounds", self.file.bounds)
         recordings = self.recordings
         fitted = [recording for recording in recordings if recording.role == "fit"]
         if not fitted:
@@ -143,16 +145,17 @@ class Study:
         for name, entry in self.file.parameters.items():
             if isinstance(entry, FreeParameter):
                 low, high = max(entry.min, info[name].minimum), min(entry.max, info[name].maximum)
-                parameters[name] = Free(guess=float(entry.guess), min=low, max=high, std=entry.std)
+                parameters[name] = Free(float(entry.guess), low, high, entry.std, entry.drift, entry.per_recording)
             else:
                 parameters[name] = float(entry)
         if any(isinstance(value, Free) for value in parameters.values()):
             check_excitation(fitted, label=self.label)
         # a law's residual force is switched on by compiling the model anew with its place
         dormant = {p.name for p in self.dae.dormant_places}
-        model = self.model if dormant & set(weights["W"]) else self.dae
+        model = self.model if dormant & set(weights.W) else self.dae
+        bounds = {name: (entry.min, entry.max) for name, entry in self.file.bounds.items()}
         try:
-            return Problem(model=model, recordings=recordings, parameters=parameters, weights=Weights(**weights), initial=initial)
+            return Problem(model=model, recordings=recordings, parameters=parameters, weights=weights, initial=initial, bounds=bounds)
         except InputError as error:
             raise InputError(f"{self.label}: {error}") from error
 
@@ -179,17 +182,26 @@ class Study:
                     f'{self._at("parameters", name)}: "{name}" {said}: it cannot be {"below" if value < low else "above"} {bound} {unit}'
                 )
 
-    def _weights(self) -> dict[str, dict[str, float]]:
+    def _check_states(self, table: str, names: Iterable[str]) -> None:
+        for name in names:
+            self._known(name, [q.name for q in self.dae.states], table, name, what="state")
+
+    def _weights(self) -> Weights:
+        from ..problem import Weights
+        from ..supposed import relaxable
+
         table: WeightTable = self.file.weights
+        places = [p.name for p in (*self.dae.places, *self.dae.dormant_places)]
         for name in table.W:
-            self._known(name, [p.name for p in (*self.dae.places, *self.dae.dormant_places)], "weights", "W", name, what="place")
+            self._known(name, [*places, *relaxable(self.dae)], "weights", "W", name, what="place")
         for name in table.V:
-            self._known(name, [q.name for q in self.dae.outputs], "weights", "V", name, what="output")
-        return {
-            "W": {name: weight.deviation for name, weight in table.W.items()},
-            "V": {name: weight.deviation for name, weight in table.V.items()},
-            "tau": {name: weight.tau for name, weight in table.W.items() if weight.tau is not None},
-        }
+            self._known(name, [q.name for q in (*self.dae.outputs, *self.dae.inputs)], "weights", "V", name, what="output or input")
+        return Weights(
+            W={name: weight.deviation for name, weight in table.W.items()},
+            V={name: weight.deviation for name, weight in table.V.items()},
+            tau={name: weight.tau for name, weight in table.W.items() if weight.tau is not None},
+            kind={name: weight.kind for name, weight in table.W.items() if weight.kind is not None},
+        )
 
     def _check_signals(self) -> None:
         inputs, outputs = [q.name for q in self.dae.inputs], [q.name for q in self.dae.outputs]
@@ -226,17 +238,20 @@ class Study:
             range=(entry.range[0], entry.range[1]) if entry.range else None,
             every=entry.every,
             hold=entry.hold,
+            gap=entry.gap,
             role=entry.role,
             units={q.name: q.unit for q in (*self.dae.inputs, *self.dae.outputs)},
         )
 
 
 def _input(entry: InputTable | str) -> InputColumn:
-    return InputColumn(entry) if isinstance(entry, str) else InputColumn(entry.column, entry.unit)
+    return InputColumn(entry) if isinstance(entry, str) else InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0)
 
 
 def _output(entry: OutputTable | str) -> OutputColumn:
-    return OutputColumn(entry) if isinstance(entry, str) else OutputColumn(entry.column, std=entry.std, unit=entry.unit, delay=entry.delay)
+    if isinstance(entry, str):
+        return OutputColumn(entry)
+    return OutputColumn(entry.column, std=entry.std, unit=entry.unit, delay=entry.delay, loss=entry.loss)
 
 
 def _same_file(folder: Path, one: str, other: str) -> bool:

@@ -12,6 +12,7 @@ from scipy.signal import savgol_filter
 
 import backsight.data
 from backsight.data.generators import axis
+from backsight.data.generators.run import Run
 from backsight.data.generators.servo import Encoder, Servo, Tracking
 from backsight.data.generators.sliding import Body, Motion, advance, respond
 
@@ -19,7 +20,7 @@ BODY = Body(m=95.0, d=200.0, f_c=20.0)
 
 
 @pytest.fixture(scope="module")
-def fit() -> axis.Run:
+def fit() -> Run:
     return axis.record("axis_fit")
 
 
@@ -98,19 +99,19 @@ def test_the_servo_holds_its_force_limit_and_settles_on_a_ramp() -> None:
     assert abs(force) <= servo.resolution
 
 
-def test_the_recorded_reading_is_the_position_with_noise_of_one_micrometre(fit: axis.Run) -> None:
-    noise = fit.reading - fit.position
+def test_the_recorded_reading_is_the_position_with_noise_of_one_micrometre(fit: Run) -> None:
+    noise = fit.outputs["x"] - fit.truth["carriage.s"]
     assert noise.std() == pytest.approx(np.sqrt(1 + 1 / 12) * 1e-6, rel=0.03)
     assert abs(noise.mean()) < 5e-8
     assert np.abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.03
 
 
-def test_the_record_reverses_often_at_several_speeds_and_hardly_rests(fit: axis.Run) -> None:
-    moving = fit.velocity[fit.velocity != 0]
+def test_the_record_reverses_often_at_several_speeds_and_hardly_rests(fit: Run) -> None:
+    moving = fit.truth["carriage.v"][fit.truth["carriage.v"] != 0]
     assert (np.diff(np.sign(moving)) != 0).sum() >= 19
-    assert all(np.any(np.abs(np.abs(fit.velocity) - speed) < 0.1 * speed) for speed in (0.02, 0.06, 0.12, 0.25, 0.40))
-    assert 0 < (fit.velocity == 0).sum() < 100
-    assert np.abs(fit.force).max() <= axis.SERVO.limit
+    assert all(np.any(np.abs(np.abs(fit.truth["carriage.v"]) - speed) < 0.1 * speed) for speed in (0.02, 0.06, 0.12, 0.25, 0.40))
+    assert 0 < (fit.truth["carriage.v"] == 0).sum() < 100
+    assert np.abs(fit.inputs["F"]).max() <= axis.SERVO.limit
 
 
 @pytest.mark.parametrize("name", ["axis_fit.csv.gz", "axis_held_out.csv.gz"])
@@ -131,7 +132,7 @@ def test_a_least_squares_on_the_bundled_file_finds_all_four_values_within_one_pe
     assert found == pytest.approx([95.0, 200.0, 20.0, -3.0], rel=0.01)
 
 
-def test_the_same_seed_writes_the_same_bytes_as_the_bundled_file(fit: axis.Run) -> None:
+def test_the_same_seed_writes_the_same_bytes_as_the_bundled_file(fit: Run) -> None:
     bundled = backsight.data.path("axis_fit.csv.gz").read_bytes()
     # Compressors differ between builds of zlib, the text does not.
     assert gzip.decompress(axis.compressed(fit)) == gzip.decompress(bundled)
@@ -146,9 +147,9 @@ def test_the_bundled_held_out_file_and_card_are_what_the_generator_writes(tmp_pa
         assert len(old) < 300_000
 
 
-def test_another_seed_makes_another_record_of_the_same_machine(fit: axis.Run) -> None:
+def test_another_seed_makes_another_record_of_the_same_machine(fit: Run) -> None:
     other = axis.record("axis_fit", seed=1, samples=200)
-    assert not np.array_equal(other.reading, fit.reading[:200])
+    assert not np.array_equal(other.outputs["x"], fit.outputs["x"][:200])
 
 
 def test_the_generator_shares_no_code_with_the_project() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from examples import oscillator
 
-from backsight.estimation import Free, Problem, Recording, Weights
+from backsight.estimation import Free, Known, Problem, Recording, Weights
 from backsight.models import InputError, compile_model
 from backsight.models.plants import actuator
 
@@ -44,6 +44,32 @@ def test_a_prior_deviation_is_positive_and_finite(std):
         Free(1.0, std=std)
 
 
+@pytest.mark.parametrize("drift", [0.0, -1.0, np.nan, np.inf])
+def test_a_rate_of_drift_is_positive_and_finite(drift):
+    with pytest.raises(InputError, match=r"Free\(drift=.*\): a rate of drift is positive and finite; leave it out for a constant\."):
+        Free(1.0, drift=drift)
+
+
+def test_a_parameter_drifts_or_is_every_recordings_own():
+    with pytest.raises(InputError, match="leave per_recording out"):
+        Free(1.0, drift=0.1, per_recording=True)
+
+
+@pytest.mark.parametrize("known", [(np.nan, 0.0), (0.0, -1.0), (0.0, np.inf), (0.0, np.nan)])
+def test_what_is_known_is_a_value_and_a_deviation(known):
+    with pytest.raises(InputError, match=r"Known\(value=.*: needs a finite value and a finite std, 0 for exactly"):
+        Known(*known)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [({"mass": "pink"}, "residual force is 'ou' or 'matern'"), ({"spring": "ou"}, "has a correlation time; give tau")],
+)
+def test_a_kind_is_one_of_two_and_belongs_to_a_correlation_time(kind, message):
+    with pytest.raises(InputError, match=message):
+        Weights(W={"mass": 1.0}, tau={"mass": 0.1}, kind=kind)
+
+
 @pytest.mark.parametrize("table", ["W", "V", "tau"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_weights_are_positive_and_finite(table, value):
@@ -63,9 +89,13 @@ def test_weights_keep_their_own_copy():
     [
         ({"parameters": {"mass.n": Free(1.0)}}, "parameters: oscillator has no parameter 'mass.n'; did you mean 'mass.m'?"),
         ({"weights": Weights(W={"mas": 1.0})}, "weights.W: oscillator has no place 'mas'; did you mean 'mass'?"),
-        ({"weights": Weights(V={"y": 1.0})}, "weights.V: oscillator has no output 'y'; known: x"),
+        ({"weights": Weights(V={"y": 1.0})}, "weights.V: oscillator has no output or input 'y'; known: x, F"),
         ({"weights": Weights(tau={"mas": 1.0})}, "weights.tau: oscillator has no place 'mas'"),
-        ({"weights": Weights(tau={"mass": 1.0})}, "weights: tau of mass: this version knows white residual forces only; leave tau out."),
+        ({"weights": Weights(tau={"mass": 1.0})}, "weights: tau of mass stands without its W, the rms of a coloured residual force"),
+        ({"weights": Weights(W={"kinematics:mass.v": 1.0})}, "has no place 'kinematics:mass.v'; did you mean 'kinematics:mass.s'?"),
+        ({"bounds": {"mass.x": (0.0, 1.0)}}, "bounds: oscillator has no state 'mass.x'; did you mean 'mass."),
+        ({"bounds": {"mass.s": (1.0, 1.0)}}, "bounds: mass.s = (1.0, 1.0): needs two numbers, the lower one first."),
+        ({"bounds": {"mass.s": (0.0, 1.0)}, "initial": {"mass.s": Known(2.0, 0.1)}}, "its initial value 2 lies outside"),
         ({"initial": {"mass.x": 0.0}}, "initial: oscillator has no state 'mass.x'; did you mean 'mass."),
         ({"parameters": {"mass.m": -1.0}}, "parameters: mass.m = -1 lies outside its physical range 0 .. inf kg."),
         ({"parameters": {"mass.m": Free(-1.0)}}, "parameters: mass.m = -1 lies outside its physical range 0 .. inf kg."),
@@ -108,3 +138,65 @@ def test_a_place_that_sleeps_is_woken_by_its_weight():
 def test_recordings_held_out_are_not_fitted():
     p = problem(recordings=[RECORDING, replace(RECORDING, name="other", role="held_out")])
     assert [r.name for r in p.fitted] == ["run"]
+
+
+# ---------------------------------------------------------------- what is supposed beyond the model
+
+
+def test_a_problem_without_suppositions_is_solved_as_it_stands():
+    p = problem(parameters={"mass.m": Free(3.0)}, weights=Weights(W={"mass": 1.0}), initial={"mass.s": Known(0.0, 0.1)})
+    assert p.posed is p.plain is p.split is p
+    assert p.start == {"mass.s": Known(0.0, 0.1)}
+    assert p.known_exactly == {}
+
+
+def test_a_coloured_force_starts_from_its_stationary_distribution_even_after_a_gap():
+    posed = problem(weights=Weights(W={"mass": 2.0}, tau={"mass": 0.1}, kind={"mass": "matern"})).posed
+    force, rate = posed.start["residual.mass"], posed.start["der(residual.mass)"]
+    assert force == Known(0.0, 2.0, always=True)
+    assert (rate.value, rate.std, rate.always) == (0.0, pytest.approx(2.0 * np.sqrt(3) / 0.1), True)
+    assert posed.weights.W == {"mass": 2.0}
+    assert posed.weights.tau == {}
+
+
+@pytest.mark.parametrize("kind", ["ou", "matern"])
+def test_the_white_force_to_start_with_has_the_coloured_ones_density_at_frequency_zero(kind):
+    plain = problem(weights=Weights(W={"mass": 2.0}, tau={"mass": 0.1}, kind={"mass": kind})).plain
+    lag = np.linspace(0.0, 5.0, 200_001)
+    s = lag / 0.1 * (1.0 if kind == "ou" else np.sqrt(3))
+    covariance = 4.0 * np.exp(-s) * (1.0 if kind == "ou" else 1 + s)
+    assert plain.weights.W["mass"] ** 2 == pytest.approx(2 * np.trapezoid(covariance, lag), rel=1e-6)
+    assert plain.weights.tau == {}
+    assert plain.dae is DAE
+
+
+def test_noise_of_an_input_is_white_with_the_impulse_of_a_held_value():
+    quick = replace(RECORDING, time=0.01 * np.arange(4.0))
+    posed = problem(recordings=[quick], weights=Weights(V={"F": 3.0, "x": 0.1})).posed
+    assert posed.weights.W["input:F"] == pytest.approx(3.0 * np.sqrt(0.01))
+    assert posed.weights.V == {"x": 0.1}
+
+
+def test_guess_prior_and_bounds_of_what_drifts_are_those_of_a_state():
+    free = {"mass.m": Free(3.0, max=5.0, std=0.5, drift=0.1), "spring.k": Free(30.0)}
+    p = problem(parameters=free)
+    assert p.posed.bounds == {"mass.m": (0.0, 5.0)}
+    assert p.posed.start == {"mass.m": Known(3.0, 0.5)}
+    assert p.posed.weights.W == {"parameter:mass.m": 0.1}
+    assert [p.posed.dae.parameters[i].name for i in p.posed.free] == ["spring.k"]
+    assert p.plain.parameters["mass.m"] == Free(3.0, max=5.0, std=0.5)
+
+
+def test_every_recording_has_its_own_parameter_with_the_same_guess_and_prior():
+    free = Free(3.0, std=0.5, per_recording=True)
+    p = problem(recordings=[RECORDING, replace(RECORDING, name="other")], parameters={"mass.m": free})
+    own = {name: value for name, value in p.posed.parameters.items() if isinstance(value, Free)}
+    assert own == {"mass.m [run]": Free(3.0, std=0.5), "mass.m [other]": Free(3.0, std=0.5)}
+    assert [(r.inputs["case:run"][0], r.inputs["case:other"][0]) for r in p.posed.fitted] == [(1.0, 0.0), (0.0, 1.0)]
+
+
+def test_a_name_that_is_an_outputs_and_an_inputs_means_the_output():
+    model = replace(oscillator(), outputs={"F": "sensor.s"})
+    recording = replace(RECORDING, outputs={"F": np.arange(4.0)}, output_std={}, output_loss={})
+    p = Problem(model=model, recordings=[recording], weights=Weights(V={"F": 0.1}))
+    assert p.posed is p

@@ -16,7 +16,7 @@ import pytest
 from backsight.estimation.problem import Weights
 from backsight.estimation.recordings.recording import Recording
 from backsight.estimation.report import write_report, write_simulation_report
-from backsight.estimation.results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
+from backsight.estimation.results import Criteria, OutputFit, ParameterEstimate, Profile, ResidualSummary, Smoothing, SolverFacts
 
 NAME = "axis <1>.csv"
 UNITS = {"t_s": "s", "x": "m", "carriage.s": "m", "carriage.v": "m/s", "residual.carriage": "N", "F": "N"}
@@ -193,6 +193,41 @@ def test_a_residual_that_follows_the_sign_of_the_velocity_is_said_to(tmp_path: P
     assert "The residual force at carriage goes with the sign of carriage.v" in text
     assert "dry friction" in text
     assert "Nothing looks odd" not in text
+
+
+def test_errors_with_a_memory_are_said_to_have_one(tmp_path: Path) -> None:
+    result, recordings = made()
+    fit = {NAME: {"x": replace(result.fit[NAME]["x"], whiteness_p=1e-30, effective_samples=87.2, samples=2000)}}
+    write_report(replace(result, fit=fit), tmp_path / "r.html", recordings=recordings)
+    text = Page(tmp_path / "r.html").text
+    assert "The prediction errors of x are not white: 87 effective of 2\u202f000 samples." in text
+    assert "structure is left in them: 87 effective" in text
+
+
+def test_profiles_and_criteria_are_shown(tmp_path: Path) -> None:
+    result, recordings = made()
+    values = np.linspace(94.97, 95.06, 7)
+    closed = Profile(
+        name="carriage.m",
+        unit="kg",
+        estimate=95.0,
+        std=0.02,
+        values=values,
+        cost=((values - 95.0) / 0.02) ** 2 / 2,
+        lower=94.97,
+        upper=95.06,
+    )
+    half = replace(closed, name="friction.d", unit="N.s/m", upper=None, limited=("upper",), std=None)
+    criteria = Criteria(log_evidence=None, log_likelihood=12.5, aic=-20.25, bic=-10.5, effective_parameters=7.5, samples=2000)
+    shown = replace(result, profiles={p.name: p for p in (closed, half)}, criteria=criteria)
+    write_report(shown, tmp_path / "r.html", recordings=recordings)
+    page = Page(tmp_path / "r.html")
+    for text in ("Profile likelihood", "94.97", "95.06", "open", "a bound, at the upper end", "−20.25", "effective parameters"):
+        assert text in page.text
+    x, y = page.trace("profile")
+    assert x == pytest.approx(values, rel=1e-6)
+    assert y == pytest.approx(closed.cost, rel=1e-5)
+    assert page.trace("95 % level")[1] == pytest.approx([1.9207, 1.9207], rel=1e-4)
 
 
 def test_a_bin_mean_of_the_residual_over_velocity_shows_the_step(tmp_path: Path) -> None:

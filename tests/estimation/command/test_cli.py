@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -149,6 +150,42 @@ def test_smooth_prints_the_estimates_and_where_the_report_is(folder, capsys):
     assert "kg" in out
     assert os.path.join("study", "report.html") in out
     assert (folder / "study" / "report.html").is_file()
+
+
+def test_smooth_says_whether_the_errors_are_white_and_how_well_the_model_explains_them(folder, capsys):
+    assert main(["smooth", "study.toml", "--out", "out"]) == 0
+    assert re.search(r"fit of x, record.csv .*%\); (white|not white, \d+ effective of 400)", capsys.readouterr().out)
+    result = json.loads(Path("out/result.json").read_text())
+    fit = result["fit"]["record.csv"]["x"]
+    assert fit["whiteness_p"] > 0.001
+    assert fit["normality_p"] > 0.001
+    assert fit["samples"] == len(T)
+    assert 0.3 * len(T) < fit["effective_samples"] <= len(T)
+    assert set(result["criteria"]) == {"log_evidence", "log_likelihood", "aic", "bic", "effective_parameters", "samples"}
+    assert result["criteria"]["samples"] == len(T)
+    assert result["profile"] == {}
+
+
+def test_profiles_are_written_and_printed(folder, capsys):
+    assert main(["smooth", "study.toml", "--out", "out", "--profile", "carriage.m", "--profile", "friction.d"]) == 0
+    out = capsys.readouterr().out
+    result = json.loads(Path("out/result.json").read_text())
+    assert list(result["profile"]) == ["carriage.m", "friction.d"]
+    for name, p in result["profile"].items():
+        assert f"95 % of {name}" in out
+        std = result["parameters"][name]["std"]
+        # tells little less than a parabola of the deviation, with 400 samples of a strong drive
+        assert p["upper"] - p["value"] == pytest.approx(1.96 * std, rel=0.05)
+        assert p["value"] - p["lower"] == pytest.approx(1.96 * std, rel=0.05)
+        assert p["open"] == p["limited_by_bound"] == []
+        assert len(p["values"]) == len(p["cost"]) > 6
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "Profile likelihood" in page
+
+
+def test_a_profile_of_what_is_fixed_is_refused_before_the_work(folder, capsys):
+    error = fails(capsys, folder, "smooth", "study.toml", "--profile", "friction.f_c")
+    assert '"friction.f_c" is not estimated' in error
 
 
 def test_quiet_prints_nothing(folder, capsys):

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from backsight.estimation.recordings.recording import InputColumn, OutputColumn, Recording
+from backsight.estimation.recordings.columns import InputColumn, OutputColumn
+from backsight.estimation.recordings.recording import Recording
 from backsight.models.errors import InputError
 
 T = np.arange(400) * 0.005
@@ -287,6 +288,12 @@ def test_a_damaged_or_unknown_type_of_file_is_named(tmp_path, name, content, wor
 def test_damaged_parquet_is_named(tmp_path):
     pytest.importorskip("pyarrow")
     refused(tmp_path, b"PAR1 not really PAR1", "parquet", name="r.parquet")
+
+
+def test_a_mat_file_of_version_7_3_is_refused_with_the_way_out(tmp_path):
+    """Such a file is HDF5 behind a header of 128 bytes that says so (MathWorks, MAT-File Level 5 File Format, 1-6)."""
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM"
+    refused(tmp_path, header + bytes(512), "version 7.3", "-v7", name="record.mat")
 
 
 def test_mat_variables_must_be_columns_of_one_length(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from examples import compiled, lagged
 
-from backsight.estimation import Problem, Recording, Weights
+from backsight.estimation import Known, Problem, Recording, Weights
 from backsight.estimation.smoothing.horizons import make_horizon, output_stds, sample_density, sampling_interval
 
 DAE = compiled(lagged())
@@ -23,7 +23,7 @@ def recording(clock: float = 0.0, **more) -> Recording:
 
 
 def test_arrays_are_in_the_models_order_and_what_was_not_measured_is_missing():
-    h = make_horizon(DAE, recording(hold="linear"), {"v": 0.3}, {"mass.v": 2.0}, 0.05)
+    h = make_horizon(DAE, recording(hold="linear"), {"v": 0.3}, {"mass.v": Known(2.0)}, 0.05)
     assert np.isnan(h.target[:, 0]).all()
     assert np.array_equal(h.target[:, 1], recording().outputs["v"])
     assert np.all(h.target_std[:, 1] == 0.3)

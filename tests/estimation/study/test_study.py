@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backsight.estimation.problem import Free
+from backsight.estimation.problem import Free, Known, Weights
 from backsight.estimation.recordings.excitation import check_excitation
 from backsight.estimation.recordings.recording import Recording
 from backsight.estimation.study.errors import line_of
@@ -109,6 +109,32 @@ def test_initial_values_and_the_horizon_are_read(folder):
     assert study(folder).horizon() is None
 
 
+def test_starts_with_a_deviation_and_bounds_of_states_are_read(folder):
+    tables = (
+        '\n[initial]\n"carriage.s" = { value = 0.1, std = 0.01 }\ncarriage.v = 0.5\n\n[bounds]\n"carriage.s" = { min = 0.0, max = 0.3 }\n'
+    )
+    own = study(folder, STUDY + tables + "carriage.v = { max = 2.0 }\n")
+    assert own.problem().initial == {"carriage.s": Known(0.1, 0.01), "carriage.v": 0.5}
+    assert own.problem().bounds == {"carriage.s": (0.0, 0.3), "carriage.v": (-np.inf, 2.0)}
+    assert own.initial() == {"carriage.s": 0.1, "carriage.v": 0.5}
+
+
+def test_parameters_that_drift_or_are_every_recordings_own_are_read(folder):
+    text = swap("guess = 100, std = 20.0", "guess = 100, drift = 0.1", swap("max = 1e3", "max = 1e3, per_recording = true"))
+    parameters = study(folder, text).problem().parameters
+    assert parameters["friction.d"] == Free(100.0, min=0.0, drift=0.1)
+    assert parameters["carriage.m"] == Free(80.0, min=1.0, max=1e3, per_recording=True)
+
+
+def test_coloured_forces_noisy_inputs_and_relaxed_kinematics_are_weights(folder):
+    coloured = '"carriage" = { std = 2.0, tau = 0.02, kind = "matern" }'
+    text = f'{STUDY}\n[weights]\nW = {{ {coloured}, "kinematics:carriage.s" = {{ std = 1e-3 }} }}\nV = {{ F = {{ weight = 4.0 }} }}\n'
+    weights = study(folder, text).problem().weights
+    assert weights == Weights(
+        W={"carriage": 2.0, "kinematics:carriage.s": 1e-3}, V={"F": 0.5}, tau={"carriage": 0.02}, kind={"carriage": "matern"}
+    )
+
+
 def test_a_horizon_longer_than_the_recording_is_refused(folder):
     with pytest.raises(InputError, match=r"study\.toml, line 17: horizon, samples = 4000 is longer than record\.csv with 400 rows"):
         study(folder, STUDY + "\n[horizon]\nsamples = 4000\n").horizon()
@@ -194,7 +220,16 @@ def test_a_model_may_come_from_a_file_beside_the_study(folder):
         (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, weight = 1.0 } }\n', ("carriage", "not both")),
         (STUDY + '\n[weights]\nW = { "carriage" = {} }\n', ("carriage", "either std or weight")),
         (STUDY + '\n[weights]\nW = { "carriage" = 2.0 }\n', ("carriage", "2.0", "table")),
-        (STUDY + '\n[weights]\nV = { "speed" = { std = 2.0 } }\n', ('output "speed"', "x")),
+        (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, kind = "ou" } }\n', ("line 17", 'kind = "ou"', "give tau in seconds")),
+        (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, tau = 1, kind = "red" } }\n', ("line 17", '"red"', "'ou' or 'matern'")),
+        (STUDY + '\n[weights]\nW = { "kinematics:carriage.v" = { std = 2.0 } }\n', ("line 17", "did you mean 'kinematics:carriage.s'?")),
+        (swap("std = 20.0", "drift = -1.0"), ("line 5", "drift is -1.0", "greater than 0")),
+        (swap("std = 20.0", "drift = 1.0, per_recording = true"), ("line 5", "leave per_recording out")),
+        (STUDY + '\n[initial]\n"carriage.s" = { std = 0.1 }\n', ("line 17", '"value"', "is missing; add it, as in value = 0.0")),
+        (STUDY + '\n[initial]\n"carriage.s" = { value = 0.0, mean = 1 }\n', ('unknown key "mean"', "known: value, std")),
+        (STUDY + '\n[bounds]\n"carriage.s" = { min = 1.0, max = 0.0 }\n', ("line 17", "min = 1 is not below max = 0")),
+        (STUDY + '\n[bounds]\n"carriage.x" = { min = 1.0 }\n', ("line 17", 'unknown state "carriage.x"')),
+        (STUDY + '\n[weights]\nV = { "speed" = { std = 2.0 } }\n', ('output or input "speed"', "x")),
         (STUDY + '\n[weights]\nV = { "x" = { std = 2.0, tau = 1.0 } }\n', ("tau", "white")),
         (STUDY + '\n[initial]\n"carriage.speed" = 0.0\n', ("line 17", 'state "carriage.speed"', "carriage.s")),
         (STUDY + "\n[horizon]\nsamples = -5\n", ("horizon", "samples", "-5")),
@@ -241,6 +276,28 @@ def test_a_missing_study_names_the_one_beside_it(folder):
     (folder / "study.toml").write_text(STUDY)
     with pytest.raises(InputError, match=r"studdy\.toml: no such study; did you mean 'study\.toml'"):
         Study.read(folder / "studdy.toml")
+
+
+def test_gap_hold_loss_and_delay_of_a_recording_arrive_in_the_problem(folder):
+    text = swap('time = "t_s"', 'time = "t_s"\ngap = 0.5\nhold = "auto"', swap("std = 1e-5", 'loss = "huber", delay = "estimate"'))
+    (recording,) = study(folder, text).recordings
+    assert (recording.gap, recording.hold, recording.open_hold) == (0.5, "zero", True)
+    assert (recording.output_loss, recording.open_delays) == ({"x": "huber"}, ("x",))
+    problem = study(folder, text).problem()
+    assert problem.parameters["delay:x"] == Free(0.0)
+    assert problem.dae.parameters[-1].name == "delay:x"
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [
+        ('delay = "soon"', ('outputs, x, delay is "soon"', "'estimate'")),
+        ("delay = -1.0", ("outputs, x, delay is -1.0", "at least 0")),
+        ('loss = "student"', ('loss is "student"', "'square', 'huber' or 'auto'")),
+    ],
+)
+def test_a_delay_or_loss_that_there_is_not_is_refused(folder, new, words):
+    refused(folder, swap("std = 1e-5", new), "study.toml, line 14", *words)
 
 
 # ---------------------------------------------------------------- excitation

@@ -1,10 +1,10 @@
-"""Columns by role, autocorrelation, and what a residual force goes with."""
+"""What a residual force goes with."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from backsight.estimation.report.evidence import Columns, autocorrelation, companion, correlation, own_states
+from backsight.estimation.validation.patterns import companion, correlation, own_states
 
 UNITS = {"carriage.s": "m", "carriage.v": "m/s", "wheel.omega": "rad/s", "motor.i": "A"}
 
@@ -14,25 +14,6 @@ def coloured(rng: np.random.Generator, a: float, n: int) -> np.ndarray:
     for k in range(1, n):
         e[k] += a * e[k - 1]
     return e
-
-
-def test_columns_are_told_apart_by_their_names() -> None:
-    names = "recording t_s x x.measured x.std carriage.s carriage.s.std carriage.v carriage.v.std residual.carriage residual.carriage.std"
-    kinds = Columns.of(pd.DataFrame(columns=names.split()))
-    assert kinds == Columns(outputs=("x",), states=("carriage.s", "carriage.v"), residuals=("residual.carriage",))
-
-
-def test_the_autocorrelation_is_the_sum_of_the_textbook() -> None:
-    e = np.random.default_rng(0).standard_normal(300)
-    e[[5, 77, 78, 250]] = np.nan
-    seen = e - np.nanmean(e)
-    direct = [np.nanmean(seen[: seen.size - k] * seen[k:]) for k in range(21)]
-    assert autocorrelation(e, 20) == pytest.approx(np.array(direct) / direct[0], abs=1e-12)
-
-
-def test_a_constant_or_empty_series_has_no_autocorrelation() -> None:
-    assert np.isnan(autocorrelation(np.ones(50), 3)).all()
-    assert np.isnan(autocorrelation(np.full(50, np.nan), 3)).all()
 
 
 def test_unrelated_coloured_series_get_the_deviation_that_they_have() -> None:
@@ -55,7 +36,7 @@ def motion() -> pd.DataFrame:
     [
         ("5 * sign(v)", "the sign of carriage.v"),
         ("-30 * v", "carriage.v"),
-        ("20 * abs(v)", "the size of carriage.v"),
+        ("20 * abs(v)", "|carriage.v|"),
         ("40 * v * abs(v)", "carriage.v squared, with its sign"),
         ("2 * a", "the rate of change of carriage.v"),
         ("60 * s", "carriage.s"),
@@ -85,3 +66,13 @@ def test_a_place_is_held_against_its_own_states_or_else_those_of_its_kind() -> N
     assert own_states("spindle", "N.m", states, UNITS) == (["wheel.omega"], False)
     assert own_states("motor", "V", states, UNITS) == (["motor.i"], True)
     assert own_states("valve", "Pa", states, UNITS) == ([], False)
+
+
+def test_an_input_whose_gain_is_off_is_named(motion: pd.DataFrame) -> None:
+    rng, n = np.random.default_rng(4), len(motion)
+    u = np.repeat(rng.standard_normal(n // 50), 50)
+    found = companion(0.1 * u + 0.05 * rng.standard_normal(n), ["carriage.v"], motion, UNITS, np.arange(n), {"F": u})
+    assert found is not None
+    assert found.what == "the input F"
+    assert found.correlation == pytest.approx(0.1 / np.sqrt(0.1**2 + 0.05**2), abs=0.02)
+    assert 0 < found.std < 0.1

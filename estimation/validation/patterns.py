@@ -1,51 +1,20 @@
-"""What the estimates say about themselves: which columns are what, autocorrelation, and what a residual force goes with."""
+"""What a residual force goes with: the laws of mechanics that a missing friction, spring or inertia would follow."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
-__all__ = ["Columns", "Companion", "autocorrelation", "companion", "correlation", "laws", "own_states"]
+from ..results import Companion
+from .autocorrelation import autocorrelation
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 VELOCITY_UNITS, POSITION_UNITS = ("m/s", "rad/s"), ("m", "rad")
+PLAIN, SURE = 0.3, 4.0  # correlation, and its size in standard deviations, from which on a pattern is plain
 _FORCE_TO_MOTION = {"N": "m", "N.m": "rad", "N m": "rad", "N*m": "rad"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Columns:
-    """The columns of a table of estimates by their role; a `.std` column belongs to the column before the dot."""
-
-    outputs: tuple[str, ...]
-    states: tuple[str, ...]
-    residuals: tuple[str, ...]
-
-    @classmethod
-    def of(cls, frame: pd.DataFrame) -> "Columns":
-        names = [str(c) for c in frame.columns]
-        known = set(names)
-        plain = [c for c in names if c not in {"t_s", "recording"} and not c.endswith((".std", ".measured"))]
-        outputs = tuple(c for c in plain if f"{c}.measured" in known)
-        residuals = tuple(c for c in plain if c.startswith("residual."))
-        return cls(outputs=outputs, residuals=residuals, states=tuple(c for c in plain if c not in outputs and c not in residuals))
-
-
-def autocorrelation(values: np.ndarray, lags: int) -> np.ndarray:
-    """r_0 .. r_lags of a series whose missing samples are NaN: only pairs that were both measured count.
-
-    r_k = mean(e_i e_(i+k)) / mean(e_i e_i), e without its mean; by FFT, so that long records cost nothing.
-    """
-    present = np.isfinite(values)
-    if present.sum() < 2:
-        return np.full(lags + 1, np.nan)
-    e = np.where(present, values - values[present].mean(), 0.0)
-    size = 1 << int(np.ceil(np.log2(e.size + lags + 1)))
-    sums = np.fft.irfft(np.abs(np.fft.rfft(e, size)) ** 2, size)[: lags + 1]
-    pairs = np.round(np.fft.irfft(np.abs(np.fft.rfft(present.astype(float), size)) ** 2, size)[: lags + 1])
-    if not sums[0] > 0:
-        return np.full(lags + 1, np.nan)
-    means: np.ndarray = sums / np.maximum(pairs, 1.0)
-    return np.where(pairs > 0, means / means[0], np.nan)
 
 
 def correlation(w: np.ndarray, g: np.ndarray) -> tuple[float, float]:
@@ -66,15 +35,6 @@ def correlation(w: np.ndarray, g: np.ndarray) -> tuple[float, float]:
         return r, 0.0
     overlap = autocorrelation(left, lags) * autocorrelation(g, lags)
     return r, float(np.sqrt((1 - r * r) * max(1.0 + 2.0 * overlap[1:].sum(), 1.0) / w.size))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Companion:
-    """What a residual force goes with most: the words for it, the law that would look like it, and the correlation."""
-
-    what: str
-    law: str
-    correlation: float
 
 
 def own_states(place: str, place_unit: str, states: tuple[str, ...], units: Mapping[str, str]) -> tuple[list[str], bool]:
@@ -100,7 +60,7 @@ def laws(state: str, unit: str, values: np.ndarray, time: np.ndarray) -> list[tu
         return [
             (f"the sign of {state}", "dry friction", np.tanh(values / width)),
             (state, "viscous friction", values),
-            (f"the size of {state}", "friction that differs between the two directions", np.abs(values)),
+            (f"|{state}|", "friction that differs between the two directions", np.abs(values)),
             (f"{state} squared, with its sign", "drag", values * np.abs(values)),
             (f"the rate of change of {state}", "a wrong or missing inertia", np.gradient(values, time)),
         ]
@@ -109,12 +69,20 @@ def laws(state: str, unit: str, values: np.ndarray, time: np.ndarray) -> list[tu
     return [(state, f"a coupling to {state}", values)]
 
 
-def companion(residual: np.ndarray, states: list[str], frame: pd.DataFrame, units: Mapping[str, str], rows: np.ndarray) -> Companion | None:
-    """The function of the states that goes with the residual most, if that is plain: |r| > 0.3 and 4 standard deviations."""
+def companion(
+    residual: np.ndarray,
+    states: Sequence[str],
+    frame: pd.DataFrame,
+    units: Mapping[str, str],
+    rows: np.ndarray,
+    inputs: Mapping[str, np.ndarray] | None = None,
+) -> Companion | None:
+    """The function of the states, or the input, that goes with the residual most, if that is plain; rows: which samples are looked at."""
     time, best = frame["t_s"].to_numpy(float), None
-    for state in states:
-        for what, law, values in laws(state, units.get(state, ""), frame[state].to_numpy(float), time):
-            r, deviation = correlation(residual[rows], values[rows])
-            if abs(r) > max(0.3, 4 * deviation) and (best is None or abs(r) > abs(best.correlation)):
-                best = Companion(what=what, law=law, correlation=r)
+    found = [law for state in states for law in laws(state, units.get(state, ""), frame[state].to_numpy(float), time)]
+    found += [(f"the input {name}", "an input whose gain is off", np.asarray(u, dtype=float)) for name, u in (inputs or {}).items()]
+    for what, law, values in found:
+        r, deviation = correlation(residual[rows], values[rows])
+        if abs(r) > max(PLAIN, SURE * deviation) and (best is None or abs(r) > abs(best.correlation)):
+            best = Companion(what=what, law=law, correlation=r, std=deviation)
     return best

@@ -1,0 +1,125 @@
+"""The two-stage method for recordings from a closed loop whose controller is unknown.
+
+    1   u(k) = sum_j s_j r(k - j) + rest       every input on the past of the references: a long FIR or ARX model
+        u^(k) = simulated from r alone         free of the noise that the controller feeds back
+    2   the plant from u^ to y, by a method that needs an input that is not correlated with the noise
+
+y = G u + v = G u^ + (v + G (u - u^)), and the bracket is not correlated with u^, whatever the controller: where a direct method with a
+wrong noise model is biased, this one is not, at the price of the larger noise (P. M. J. Van den Hof, R. J. P. Schrama, Automatica 29,
+1993; M. Back, Grey-box Modelling of a Quadrotor Using Closed-loop Data, Linkoping University, 2015, section 2.5). The controller may be
+nonlinear, but what the first stage keeps of it is the linear part. The standard deviations are those of the second stage: they leave out
+what the coefficients of the first are uncertain by, a share of about coefficients/samples of the noise in the input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from scipy.signal import lfilter
+
+from backsight.models.errors import InputError, suggestion
+
+from ..problem import Problem
+from ..recordings.recording import Recording
+from .armax import Armax, Orders, armax
+from .prediction_error import prediction_error
+from .result import Baseline
+from .sampling import uniform_step
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Column = np.ndarray[tuple[int], np.dtype[np.float64]]
+SHARE = 0.1  # of the samples: most coefficients of the first stage
+
+
+def two_stage(
+    problem: Problem,
+    *,
+    references: Sequence[str],
+    order: int = 50,
+    first: Literal["fir", "arx"] = "fir",
+    second: Callable[[Problem], Baseline] = prediction_error,
+) -> Baseline:
+    """A baseline from recordings in closed loop.
+
+    references  what drives the loop from outside: further inputs of the recordings, beside those of the plant
+    order       coefficients of the first stage for every reference, from lag zero on; "arx" has as many of the input's own past
+    first       "fir", or "arx" for loops that take longer to settle than `order` samples
+    second      the method of the second stage; it must not model the noise (by itself prediction_error, which simulates)
+
+    Raises InputError for unequal steps, unknown references, an order too long for the recording or for what the reference excites.
+    """
+    if not references:
+        raise InputError("two_stage(references=[]): needs the name of at least one recorded reference; without one use prediction_error.")
+    if first not in ("fir", "arx"):
+        raise InputError(f'two_stage(first={first!r}): the first stage is "fir" or "arx".')
+    if isinstance(order, bool) or not isinstance(order, int) or order < 1:
+        raise InputError(f"two_stage(order={order!r}): needs a whole number from 1 on.")
+    own = [q.name for q in problem.dae.inputs]
+    recordings, said = [], []
+    for recording in problem.fitted:
+        _check(recording, references, own, order * len(references) * (1 if first == "fir" else 2))
+        simulated: dict[str, Column] = {}
+        rows = order
+        for name in own:
+            model = _first_stage(recording, name, references, order, first)
+            simulated[name] = _driven(model).ravel()
+            share = 1 - np.var(recording.inputs[name][rows:] - simulated[name][rows:]) / (np.var(recording.inputs[name][rows:]) or 1.0)
+            said.append(f"{name} of {recording.name} {100 * share:.1f} %")
+        recordings.append(_from_row(replace(recording, inputs=simulated), rows))
+    held_out = [r for r in problem.recordings if r.role != "fit"]
+    found = second(replace(problem, recordings=[*recordings, *held_out]))
+    note = f"First stage ({first}, {order} coefficients): variance of the input that the references explain: {'; '.join(said)}."
+    return replace(found, method=f"two_stage, {found.method}", notes=(note, *found.notes))
+
+
+def _check(recording: Recording, references: Sequence[str], own: Sequence[str], count: int) -> None:
+    uniform_step(recording, "two_stage")
+    others = [name for name in recording.inputs if name not in own]
+    for name in references:
+        if name not in others:
+            raise InputError(
+                f"two_stage(references=..): {recording.name} has no reference {name!r} among its inputs beside those of the plant; "
+                f"{suggestion(name, others)}"
+            )
+    if count > SHARE * len(recording.time):
+        raise InputError(
+            f"{recording.name}: {len(recording.time)} samples are too few for a first stage of {count} coefficients; lower order, or use "
+            'first = "arx".'
+        )
+
+
+def _first_stage(recording: Recording, name: str, references: Sequence[str], order: int, first: str) -> Armax:
+    """The input as the output of a difference equation that the references drive."""
+    inputs = {r: recording.inputs[r] for r in references}
+    series = Recording(name=recording.name, time=recording.time, inputs=inputs, outputs={name: recording.inputs[name]})
+    orders = Orders(na=0 if first == "fir" else order, nb=order, nk=0, offset=True)
+    found = armax(series, output=name, orders=orders)
+    if np.any(np.abs(np.roots(found.A)) >= 1.0):
+        raise InputError(
+            f'{recording.name}: the first stage for {name} is not stable with order = {order}; change it, or use first = "fir".'
+        )
+    return found
+
+
+def _driven(model: Armax) -> Array:
+    """Its output from the references alone, from the mean of the input as if it had been there for long."""
+    drive = np.full(len(model.recording.time), model.offset)
+    for b, name in zip(model.B, model.inputs, strict=True):
+        drive = drive + np.asarray(lfilter(b, [1.0], model.recording.inputs[name]))
+    past = len(model.A) - 1
+    level = float(np.mean(model.recording.outputs[model.output]))
+    start = -level * np.cumsum(model.A[:0:-1])[::-1]
+    return np.asarray(lfilter([1.0], model.A, drive, zi=start)[0] if past else drive, dtype=np.float64)
+
+
+def _from_row(recording: Recording, row: int) -> Recording:
+    """Without the rows before the first stage has its whole past."""
+    return replace(
+        recording,
+        time=recording.time[row:],
+        inputs={name: u[row:] for name, u in recording.inputs.items()},
+        outputs={name: y[row:] for name, y in recording.outputs.items()},
+    )

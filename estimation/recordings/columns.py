@@ -1,0 +1,65 @@
+"""Columns of a file: what they hold, in which unit, how noisy and how late."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from backsight.models.errors import InputError
+
+from ..wording import number
+
+Array = np.ndarray[tuple[int], np.dtype[np.float64]]
+Loss = Literal["square", "huber", "auto"]
+LOSSES = ("square", "huber", "auto")
+
+
+@dataclass(frozen=True)
+class InputColumn:
+    """A column of a file and the unit its numbers are in (None: the SI unit of the model's signal).
+
+    delay: "estimate": the inputs act late by an unknown time, the free parameter `delay:inputs`, all by the same
+    """
+
+    column: str
+    unit: str | None = None
+    delay: float | Literal["estimate"] = field(default=0.0, kw_only=True)
+
+
+@dataclass(frozen=True)
+class OutputColumn(InputColumn):
+    """A column that holds a measured output.
+
+    std: standard deviation of its noise, in the SI unit of the model's output whatever the unit of the column (None: to be estimated)
+    delay: seconds by which the sensor lags; the samples are moved back by it. "estimate": it is a free parameter, `delay:<output>`
+    loss: "square": its noise is Gaussian; "huber": gross outliers count little; "auto": as the residuals' tails say
+    """
+
+    std: float | None = None
+    unit: str | None = None
+    delay: float | Literal["estimate"] = field(default=0.0, kw_only=True)
+    loss: Loss = "square"
+
+
+def late_inputs(inputs: Mapping[str, InputColumn], label: str) -> tuple[str, ...]:
+    """What `Recording.open_delays` says of the inputs: nothing, or that all act late. Raises InputError where only some do."""
+    for name, column in inputs.items():
+        if column.delay not in ("estimate", 0.0):
+            raise InputError(
+                f'{label}: delay of input {name} is {column.delay}; it can only be "estimate": give a known one to every output instead'
+            )
+    late = [name for name, column in inputs.items() if column.delay == "estimate"]
+    if late and len(late) < len(inputs):
+        punctual = next(name for name in inputs if name not in late)
+        raise InputError(f'{label}: delay of input {late[0]} is "estimate", and that of {punctual} is not; all inputs act late, or none')
+    return ("inputs",) if late else ()
+
+
+def check_delay(delay: float | str, signal: str, t: Array, label: str) -> None:
+    """Raise InputError unless a delay [s] fits into the recording, whose times are t (n,)."""
+    if isinstance(delay, str) or not (np.isfinite(delay) and 0 <= delay < t[-1] - t[0]):
+        length = f"shorter than the recording ({number(t[-1] - t[0])} s)"
+        raise InputError(f'{label}: delay of output {signal} is {delay} s; it must be at least 0 and {length}, or "estimate"')

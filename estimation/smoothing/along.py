@@ -1,0 +1,44 @@
+"""The model along trajectories: any of its expressions, and how large the forces are at every place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from backsight.models import Dae
+from backsight.ocp.follow import Followed
+from backsight.ocp.polynomials import Array
+
+from ..problem import Problem
+
+LOOKED_AT = 500  # places of a recording where the forces are looked at
+
+
+def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
+    """An expression of the model along a followed trajectory, (rows, M)."""
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
+    function = ca.Function("along", arguments, [ca.densify(expression)])
+    dx, x, z = followed.at(number, times)
+    u = followed.horizons[number].input_at(times)
+    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
+    return np.asarray(values, dtype=np.float64)
+
+
+def forces(problem: Problem, followed: Followed, parameters: Array) -> dict[int, float]:
+    """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
+
+    The terms are the balance's derivatives times what it is differentiated by: x', x, z, u or p.
+    """
+    dae = problem.dae
+    rows = {int(e.place): r for r, e in enumerate(dae.equations) if e.place is not None}
+    F = ca.substitute(dae.residual[list(rows.values())], dae.w, ca.SX.zeros(dae.w.shape[0]))
+    variables = ca.vertcat(dae.dx, dae.x, dae.z, dae.u, dae.p)
+    terms = ca.vec(ca.jacobian(F, variables) * ca.repmat(variables.T, len(rows), 1))
+    found = []
+    for number, horizon in enumerate(followed.horizons):
+        times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+        found.append(along(dae, terms, followed, number, times, parameters))
+    size = np.sqrt(np.nanmean(np.hstack(found) ** 2, axis=1)).reshape(-1, len(rows)).max(axis=0, initial=0.0)
+    return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(rows, size, strict=True)}

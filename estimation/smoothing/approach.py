@@ -1,0 +1,187 @@
+"""From trajectories that follow the samples to ones that the model explains, with its parameters: balances weighed ever more tightly.
+
+A balance that may be off by as much as its own largest force binds nothing, one that may not be off at all binds guesses that are wrong.
+So the residual forces get room for a share of the forces at their place, white from interval to interval,
+
+    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.3, 0.1, 0.03, 0.01
+
+and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
+velocity. A parameter is held near its last value by a prior that is as wide as itself, so that none runs away while little is known.
+The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
+becomes the problem's own.
+
+It can still end in the wrong valley where no output shows a state: a load that sticks and slips behind a soft shaft goes another way for
+every parameter. There a descent that strains, its samples and balances costing far more than while there was room, is tried again
+from other parameters, and the most probable one counts:  least  cost + sum over intervals and places of log std_k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backsight.ocp import Horizon, Options, Solution
+from backsight.ocp.follow import Followed
+from backsight.ocp.polynomials import Array
+
+from ..problem import Free, Problem
+from .along import forces
+from .program import Program, Settings, make_program
+from .rest import ROUNDING, FrictionLaw, rms_velocity
+from .unseen import complete, unseen_states
+
+SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)
+TRUST = 1.0  # width of the prior about a parameter's last value, over it or over the first guess, whichever is larger
+STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
+TOLD = 0.05  # share at which a descent without strain is right
+BATCHES = 4  # of Gauss-Newton steps at a share, at most
+STARTS = 3  # descents, at most
+SPREAD = 4.0  # factor on a parameter, up or down, from start to start
+OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approach:
+    """Where the balances' own solve starts: trajectories, parameters (np_all,), and place -> the last std of its residual force.
+
+    share: of the forces, that this std is. unlikely: minus the logarithm of the probability, but for a constant.
+    """
+
+    followed: Followed
+    parameters: Array
+    force_std: dict[int, float]
+    share: float
+    unlikely: float
+
+
+def approach(
+    problem: Problem,
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    parameters: Array,
+    least: Mapping[int, float],
+    say: Callable[[str], None],
+) -> Approach:
+    """Trajectories on the meshes of the followed ones and parameters, starting from those and from parameters (np_all,).
+
+    Widths of the laws that the user gave stay; those of the others end as they stand in `parameters`. least: place -> standard deviation
+    that its residual force is given; it gets no less.
+    """
+    hidden = bool(unseen_states(problem))
+    rng, found = np.random.default_rng(0), []
+    for number in range(STARTS if hidden and problem.free else 1):
+        start = parameters.copy()
+        if number:
+            say(f"another start, {number + 1} of {STARTS} at most")
+            for i in problem.free:
+                start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
+        begun = complete(problem, followed, laws, start) if hidden else followed
+        found.append(_descent(problem, begun, laws, start, least, say))
+        if found[-1].share <= TOLD:
+            break
+    best = min(found, key=lambda way: (way.share, way.unlikely))
+    for law in laws:
+        best.parameters[law.width] = parameters[law.width]
+    return best
+
+
+def _descent(
+    problem: Problem,
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    parameters: Array,
+    least: Mapping[int, float],
+    say: Callable[[str], None],
+) -> Approach:
+    """One way from loose to tight; it ends where it strains."""
+    pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
+    horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
+    steps = np.concatenate([h.mesh.steps for h in horizons])
+    count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
+    best, way = np.inf, None
+    for share in SHARES:
+        rounded = _rounded(problem, followed, laws, parameters, share)
+        size = forces(problem, followed, rounded)
+        std = {k: max(share * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
+        if way is None and problem.free:
+            program = _program(problem, horizons, followed, laws, std, rounded)
+            followed = _followed(_held(program).solve(program.start, program.values, False, _silent), followed)
+        for _ in range(BATCHES):
+            program = _program(problem, horizons, followed, laws, std, rounded)
+            solution = program.solve(program.start, program.values, False, _silent)
+            if not np.all(np.isfinite(solution.solved.decisions)):
+                break
+            followed, rounded = _followed(solution, followed), solution.parameters
+            if solution.solved.status.converged:
+                break
+        cost = solution.solved.cost
+        say(f"balances within {100 * share:.0f} % of their forces: cost {cost:.6g}")
+        best = min(best, cost)
+        if way is not None and not 2 * (cost - best) <= STRAINED * count:
+            break
+        unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
+        way = Approach(followed=followed, parameters=rounded, force_std=std, share=share, unlikely=unlikely)
+        parameters = rounded
+    if way is None:
+        raise RuntimeError("SHARES is empty")
+    return way
+
+
+def _program(
+    problem: Problem,
+    horizons: list[Horizon],
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    std: dict[int, float],
+    parameters: Array,
+) -> Program:
+    settings = Settings(options=OPTIONS, method="spline")
+    return make_program(_near(problem, parameters), settings, horizons, followed, laws, std, parameters, parameters)
+
+
+def _followed(solution: Solution, before: Followed) -> Followed:
+    t = solution.transcription
+    return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, mean_square=before.mean_square)
+
+
+def _rounded(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], parameters: Array, share: float) -> Array:
+    """The parameters with every law that the user left alone rounded over a share of its velocity."""
+    out = parameters.copy()
+    for law in laws:
+        if problem.dae.parameters[law.width].name not in problem.parameters:
+            out[law.width] = max(share, ROUNDING) * (rms_velocity(problem, law, followed, parameters) or 1.0)
+    return out
+
+
+def _silent(_: str) -> None:
+    """A descent says what it does by itself."""
+
+
+def _within(problem: Problem, index: int, value: float) -> float:
+    """A value inside the bounds of a free parameter."""
+    info = problem.dae.parameters[index]
+    free = problem.parameters[info.name]
+    low, high = (free.min, free.max) if isinstance(free, Free) else (-np.inf, np.inf)
+    return float(np.clip(value, max(low, info.minimum), min(high, info.maximum)))
+
+
+def _near(problem: Problem, parameters: Array) -> Problem:
+    """The problem with every free parameter supposed to be near its value now, unless the user says how near."""
+    given = dict(problem.parameters)
+    for i in problem.free:
+        info = problem.dae.parameters[i]
+        free = given[info.name]
+        if isinstance(free, Free) and free.std is None:
+            guess = float(np.clip(parameters[i], free.min, free.max))
+            given[info.name] = replace(free, guess=guess, std=TRUST * (max(abs(guess), abs(free.guess)) or info.nominal))
+    return replace(problem, model=problem.dae, parameters=given)
+
+
+def _held(program: Program) -> Program:
+    """The program with its parameters held where they start."""
+    n = program.transcription.nlp.trajectory_size
+    lower, upper = program.lower.copy(), program.upper.copy()
+    lower[n:] = upper[n:] = program.start[n:]
+    return replace(program, lower=lower, upper=upper)

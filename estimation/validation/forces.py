@@ -1,0 +1,82 @@
+"""Are the residual forces white? They are what the smoother makes of white ones, so they are held against what it makes of white ones.
+
+A smoothed force is E[w | all samples]: smooth, and never white. It is a fixed linear map of the prediction errors, which are N(0, I) when
+the model is right (`innovations.py`): backwards over the intervals, v the innovations over their roots (de Jong, J. Amer. Statist.
+Assoc. 84, 1989, with the notation of `Step`),
+
+    a_i = L^-T (v_i - K' l_i),      e_i = noise_y' a_i + noise_x' l_i,      l_(i-1) = D' a_i + A' l_i
+
+with e_i the smoothed noises of interval i. The same map of random v gives the autocorrelations, in bands, that a right model would show;
+those found are held against their mean and covariance by Hotelling's T^2. Intervals where a place has more room than elsewhere are
+left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from backsight.ocp import Solution
+from backsight.ocp.polynomials import radau_weights
+
+from .autocorrelation import products
+from .innovations import Filtered, Innovations
+from .whiteness import LEAST, bands, longest_lag
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+DRAWS = 120
+ROOM = 2.0  # times the least standard deviation of a place: near rest the smoother gives it more, and sees other things
+
+
+def smoothed_noises(run: Innovations, v: Array) -> Array:
+    """The smoothed noises (N, q, M) of one horizon from innovations over their roots, v (m, M)."""
+    steps = run.steps
+    out = np.empty((len(steps), steps[0].noise_x.shape[1], v.shape[1]))
+    ahead = np.zeros((steps[0].A.shape[0], v.shape[1]))
+    for i in range(len(steps) - 1, -1, -1):
+        s = steps[i]
+        a = np.linalg.solve(s.L.T, v[s.samples] - s.K.T @ ahead)
+        out[i] = s.noise_y.T @ a + s.noise_x.T @ ahead
+        ahead = s.D.T @ a + s.A.T @ ahead
+    return out
+
+
+def impulses(solution: Solution, noises: Array) -> Array:
+    """The mean residual force of every interval over its deviation, (n_soft, N, M), from noises (N, q, M)."""
+    t = solution.transcription
+    moments = noises.reshape(len(noises), t.degree, len(t.soft), -1)
+    if t.method == "spline":
+        return np.asarray(moments[:, 0].transpose(1, 0, 2))
+    return np.asarray(np.einsum("nksm,k->snm", moments, np.sqrt(radau_weights(t.degree))))
+
+
+def force_whiteness(solution: Solution, filtered: Filtered) -> dict[int, float]:
+    """Place -> p-value of the hypothesis that its residual force is white, over all horizons; places that have none are left out."""
+    t, rng = solution.transcription, np.random.default_rng(0)
+    found: dict[int, list[Array]] = {k: [] for k in t.soft}
+    std = t.force_std_at(solution.values)
+    reach = [longest_lag(h.mesh.count) for h in t.horizons]
+    for number, run in enumerate(filtered.horizons):
+        if not t.soft or len(run.steps) < LEAST or len(run.u) < LEAST:
+            continue
+        # the first column is what was found; what beta could follow is taken from all of them
+        v = np.column_stack([run.u, rng.standard_normal((len(run.u), DRAWS))])
+        basis = np.linalg.svd(run.E, full_matrices=False)[0]
+        w = impulses(solution, smoothed_noises(run, v - basis @ (basis.T @ v)))
+        edges = bands(reach[number])
+        here = std[:, t.offsets[number] : t.offsets[number + 1]]
+        w[here > ROOM * here.min(axis=1, keepdims=True)] = np.nan
+        for k, place in enumerate(t.soft):
+            sums = np.array([np.add.reduceat(products(e)[0][: edges[-1]], edges[:-1]) for e in w[k].T])
+            found[place].append(sums)
+    return {place: _hotelling(np.hstack(sums)) for place, sums in found.items() if sums}
+
+
+def _hotelling(values: Array) -> float:
+    """p-value of the first row's coming from the same normal distribution as the others, (1 + M, B)."""
+    M, B = len(values) - 1, values.shape[1]
+    drawn = values[1:]
+    away = values[0] - drawn.mean(axis=0)
+    T2 = M / (M + 1) * float(away @ np.linalg.lstsq(np.atleast_2d(np.cov(drawn.T)), away, rcond=None)[0])
+    return float(stats.f.sf(T2 * (M - B) / (B * (M - 1)), B, M - B))

@@ -1,0 +1,184 @@
+"""Standardised prediction errors of a smoothed record: what must be white, and of variance one, when the model is right.
+
+Smoothed residuals r = (I - A (A'A)^-1 A') e are correlated even when the errors e are N(0, I): the fit bends towards every one of
+them. The same rows read in the order of time give the errors of one-step predictions, which are independent and N(0, 1) (Schweppe, IEEE
+Trans. Inf. Theory 11, 1965). Given beta = [first states; parameters] that is a Kalman filter on `chain.py`, run for all columns
+[1 | beta] at once (de Jong, Ann. Statist. 19, 1991). Its innovations, over their roots, form a small regression
+
+    u = E beta + e,        e ~ N(0, I),
+
+whose recursive residuals (Brown, Durbin & Evans, J. R. Statist. Soc. B 37, 1975) are the prediction errors: beta is known at every
+moment from what was read before. Exact for linear models and given weights; to first order for others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from backsight.ocp import Solution
+
+from .chain import Chain, chain
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+
+DIFFUSE = 1e6  # standard deviation of beta beforehand, in units of what its own column tells: nothing is known
+LARGEST = 100.0  # variance of a prediction, noise = 1, from which on its error tells beta and not the noise
+CHUNK = 32  # innovations whose recursive residuals are taken at once: few enough for no library to start threads
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One interval of the filter: m samples, numbers `samples` in the order of all, with L L' the variance of their innovations.
+
+    D (m, nx): samples in x_i. A (nx, nx), K (nx, m): x_(i+1) = A x_i + K u. noise_x (nx, q), noise_y (m, q): what the q noises of the
+    interval do to x_(i+1) and to the samples.
+    """
+
+    samples: slice
+    L: Array
+    D: Array
+    A: Array
+    K: Array
+    noise_x: Array
+    noise_y: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Innovations:
+    """One horizon. errors (n, ny): measured less predicted, over its deviation; NaN where there is no sample or where it tells beta.
+
+    u (m,), E (m, k + np): the regression above, in the order of the filter. steps: of all intervals. log_roots: sum of log L_jj.
+    """
+
+    errors: Array
+    u: Array
+    E: Array
+    steps: tuple[Step, ...]
+    log_roots: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filtered:
+    """All horizons, and what the marginal likelihood needs beside them.
+
+    first_root: sum of log |R_jj|, R'R the information on the first states given the parameters. parameter_root (np, np): R of the
+    parameters.
+    determined: whether the data determine all of them.
+    """
+
+    horizons: tuple[Innovations, ...]
+    first_root: float
+    parameter_root: Array
+    determined: bool
+
+
+def innovations(solution: Solution) -> Filtered | None:
+    """The prediction errors of a solution; None where it is no minimum or its rows form no chain."""
+    if solution.curvature is None:
+        return None
+    links = chain(solution)
+    if links is None:
+        return None
+    t = solution.transcription
+    runs, places, first = [], [], 0
+    for number, horizon in enumerate(t.horizons):
+        part, first = slice(first, first + len(horizon.time)), first + len(horizon.time)
+        owner = horizon.mesh.locate(horizon.time)[0]
+        run, where = _filter(links, number, range(t.offsets[number], t.offsets[number + 1]), part, owner)
+        runs.append(run)
+        places.append(where)
+    np_ = links.H.shape[2]
+    size = np.sqrt(sum(np.sum(E[:, E.shape[1] - np_ :] ** 2, axis=0) for _, E, _, _ in runs))
+    R, d = _absorbed(_weak(size), np.zeros(np_), links.known_parameters)
+    horizons, first_root = [], 0.0
+    for (u, E, steps, log_roots), where, known, horizon in zip(runs, places, links.known, t.horizons, strict=True):
+        k = E.shape[1] - np_
+        size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
+        root: Array = np.zeros((k + np_, k + np_))
+        root[:k, :k], root[k:, k:] = _weak(size), R
+        known = np.hstack([known, np.zeros((len(known), np_))])
+        root, right = _absorbed(root, np.concatenate([np.zeros(k), d]), known)
+        w, variance, root, right = _recursive(u, E, root, right)
+        errors = np.full((len(horizon.time), len(t.dae.outputs)), np.nan)
+        errors[where[:, 0], where[:, 1]] = np.where(variance < LARGEST, w, np.nan)
+        horizons.append(Innovations(errors=errors, u=u, E=E, steps=steps, log_roots=log_roots))
+        first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
+        R, d = root[k:, k:], right[k:]
+    return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, determined=solution.determined)
+
+
+def _weak(size: Array) -> Array:
+    """Root of next to no information on unknowns with columns of these sizes."""
+    return np.asarray(np.diag(np.where(size > 0, size, 1.0) / DIFFUSE), dtype=np.float64)
+
+
+def _filter(
+    links: Chain, number: int, intervals: range, part: slice, owner: Index
+) -> tuple[tuple[Array, Array, tuple[Step, ...], float], Index]:
+    """(u, E, steps, log_roots) of one horizon, and sample and output of every innovation."""
+    nx, Z, np_ = links.F.shape[2], links.first[number], links.H.shape[2]
+    X = np.hstack([np.zeros((nx, 1)), Z, np.zeros((nx, np_))])
+    P = np.zeros((nx, nx))
+    rows, S, T = links.rows[part], links.S[part], links.T[part]
+    edge = np.searchsorted(owner, np.arange(len(intervals) + 1))
+    found, where, steps, log_roots, count = [np.empty((0, X.shape[1]))], [np.empty((0, 2), dtype=np.int64)], [], 0.0, 0
+    for k, i in enumerate(intervals):
+        here = np.argwhere(np.isfinite(rows[edge[k] : edge[k + 1]]))
+        here[:, 0] += edge[k]
+        r, s, t = rows[here[:, 0], here[:, 1]], S[here[:, 0], here[:, 1]], T[here[:, 0], here[:, 1]]
+        # the interval as a step of a state space model whose two equations share their noise
+        F, G = links.F[i], links.G[i]
+        inner = s[:, nx:]
+        D, noise_y, A, noise_x = s[:, :nx] + inner @ F, inner @ G, F[-nx:], G[-nx:]
+        y, x = D @ X, A @ X
+        y[:, 0] += r + inner @ links.g[i]
+        x[:, 0] += links.g[i, -nx:]
+        if np_:
+            y[:, -np_:] += t + inner @ links.H[i]
+            x[:, -np_:] += links.H[i, -nx:]
+        PD = P @ D.T
+        L = np.linalg.cholesky(D @ PD + noise_y @ noise_y.T + np.eye(len(r)))
+        K = np.linalg.solve(L, (A @ PD + noise_x @ noise_y.T).T).T
+        scaled = np.linalg.solve(L, y)
+        X = x - K @ scaled
+        P = A @ P @ A.T + noise_x @ noise_x.T - K @ K.T
+        P = (P + P.T) / 2
+        log_roots += float(np.sum(np.log(np.diag(L))))
+        found.append(scaled)
+        where.append(here)
+        steps.append(Step(samples=slice(count, count + len(r)), L=L, D=D, A=A, K=K, noise_x=noise_x, noise_y=noise_y))
+        count += len(r)
+    columns = np.concatenate(found)
+    return (-columns[:, 0], columns[:, 1:], tuple(steps), log_roots), np.concatenate(where)
+
+
+def _absorbed(R: Array, d: Array, rows: Array) -> tuple[Array, Array]:
+    """Root and right side with the rows r + J b = e added: |R b - d|^2 + |J b + r|^2."""
+    return _triangular(np.hstack([R, d[:, None]]), np.hstack([rows[:, 1:], -rows[:, :1]]))
+
+
+def _triangular(above: Array, below: Array) -> tuple[Array, Array]:
+    n = above.shape[1] - 1
+    T = np.asarray(np.linalg.qr(np.concatenate([above, below]), mode="r"), dtype=np.float64)
+    return T[:n, :n], T[:n, n]
+
+
+def _recursive(u: Array, E: Array, R: Array, d: Array) -> tuple[Array, Array, Array, Array]:
+    """Recursive residuals of u = E b + e, their variances before they were scaled to one, and the last root and right side.
+
+    A chunk's errors u - E b, b from all before, have covariance I + E (R'R)^-1 E' = C C'; C^-1 takes them one by one.
+    """
+    w, variance = np.empty(len(u)), np.empty(len(u))
+    for k in range(0, len(u), CHUNK):
+        part = slice(k, k + CHUNK)
+        spread = solve_triangular(R, E[part].T, trans="T").T if R.size else np.zeros((len(u[part]), 0))
+        C = np.linalg.cholesky(np.eye(len(spread)) + spread @ spread.T)
+        # E R^-1 d: the prediction by what was read so far
+        w[part] = solve_triangular(C, u[part] - spread @ d, lower=True)
+        variance[part] = np.diag(C) ** 2
+        R, d = _triangular(np.hstack([R, d[:, None]]), np.hstack([E[part], u[part][:, None]]))
+    return w, variance, R, d

@@ -1,0 +1,82 @@
+"""What a smoothed solution says about itself: prediction errors by recording and output, criteria, and whether forces are white."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from backsight.ocp import Solution
+
+from ..recordings.recording import Recording
+from ..results import Companion, Criteria, OutputFit
+from .criteria import criteria
+from .fit import output_fit
+from .forces import force_whiteness
+from .innovations import innovations
+from .patterns import companion, own_states
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+ROWS = 20_000  # enough for a correlation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """errors: recording -> output -> standardised prediction errors (n,), pieces one after the other. force_p: place -> p of whiteness.
+
+    Empty where the solution is no minimum. weighed: whether weights were chosen from the data.
+    """
+
+    errors: dict[str, dict[str, Array]] = field(default_factory=dict)
+    criteria: Criteria | None = None
+    force_p: dict[str, float] = field(default_factory=dict)
+    weighed: bool = False
+
+    def fits(self, recording: Recording, table: pd.DataFrame) -> dict[str, OutputFit]:
+        """The fit of every output of a recording; table: its rows with the smoothed outputs."""
+        out = {}
+        for name, y in recording.outputs.items():
+            # of smoothed errors nobody knows whether they are as coloured as they should be
+            errors = self.errors.get(recording.name, {}).get(name, np.full(len(y), np.nan))
+            out[name] = output_fit(y, table[name].to_numpy(), errors, int(self.weighed))
+        return out
+
+
+def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) -> Validation:
+    """Validate a solution; recordings: of every horizon its name."""
+    filtered = innovations(solution)
+    if filtered is None:
+        return Validation(weighed=weighed)
+    dae = solution.transcription.dae
+    errors: dict[str, dict[str, list[Array]]] = {name: {q.name: [] for q in dae.outputs} for name in recordings}
+    for name, run in zip(recordings, filtered.horizons, strict=True):
+        for i, q in enumerate(dae.outputs):
+            errors[name][q.name].append(run.errors[:, i])
+    return Validation(
+        errors={name: {output: np.concatenate(parts) for output, parts in table.items()} for name, table in errors.items()},
+        criteria=criteria(solution, filtered),
+        force_p={dae.places[k].name: p for k, p in force_whiteness(solution, filtered).items()},
+        weighed=weighed,
+    )
+
+
+def followed(
+    place: str,
+    unit: str,
+    estimates: dict[str, pd.DataFrame],
+    inputs: dict[str, dict[str, Array]],
+    states: tuple[str, ...],
+    units: dict[str, str],
+) -> Companion | None:
+    """What the residual of a place goes with most, in the recording where that is plainest."""
+    found = []
+    for name, table in estimates.items():
+        w = table[f"residual.{place}"].to_numpy(float)
+        rows = np.unique(np.linspace(0, len(w) - 1, min(len(w), ROWS)).astype(int))
+        chosen, _ = own_states(place, unit, states, units)
+        friend = companion(w, chosen, table, units, rows, inputs.get(name))
+        found += [friend] if friend is not None else []
+    return max(found, key=lambda c: abs(c.correlation), default=None)

@@ -1,0 +1,80 @@
+"""What a result says of its own errors and residual forces, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_runs import ALL_FREE, STD, STEP, many, problem
+
+from backsight.estimation import Weights
+from backsight.estimation.results import Companion, OutputFit, ResidualSummary
+from backsight.estimation.smoothing.notes import on_errors, on_residuals
+
+
+def fit(**given: float | None) -> OutputFit:
+    common = {"whiteness_p": 0.4, "normality_p": 0.4, "effective_samples": 1000.0, "samples": 1000, "prediction_rms": 1.0}
+    return OutputFit(**{"rms": 1.0, "fit_percent": 99.0, **common, **given})
+
+
+def test_errors_that_are_as_they_should_be_are_not_mentioned():
+    assert on_errors({"run": {"x": fit(), "y": fit(whiteness_p=None, normality_p=None, effective_samples=None, prediction_rms=None)}}) == []
+
+
+def test_errors_that_are_not_white_say_what_the_samples_are_worth_and_the_deviations_lack():
+    (note,) = on_errors({"run": {"x": fit(whiteness_p=1e-9, effective_samples=250.0)}})
+    assert note.startswith("x: its prediction errors are not white (p = 1e-09, 250 effective of 1000 samples)")
+    # a mean of errors with four times the memory has twice the deviation
+    assert note.endswith("stated deviations are too small, by up to about 2 times.")
+    (note,) = on_errors({"run": {"x": fit(whiteness_p=0.0, effective_samples=950.0)}})
+    assert "p < 1e-99" in note
+    assert note.endswith("stated deviations hardly suffer.")
+
+
+def test_noise_that_is_supposed_too_large_outweighs_a_memory():
+    notes = on_errors({"run": {"x": fit(whiteness_p=1e-9, effective_samples=250.0, prediction_rms=0.1)}})
+    assert "stated deviations may be too large" in notes[0]
+    assert notes[1] == "x: its prediction errors are 0.1 times what V and W promise: too much noise is supposed."
+
+
+def test_several_recordings_are_told_apart():
+    notes = on_errors({"a": {"x": fit(normality_p=1e-5)}, "b": {"x": fit()}})
+    assert [note.split(":")[0] for note in notes] == ["x of a"]
+    assert "not normal (p = 1e-05)" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, []),
+        ({"whiteness_p": 0.2}, []),
+        ({"whiteness_p": 1e-4}, ["residual.axis is not white (p = 0.0001): a force with a memory acts there."]),
+        (
+            {"whiteness_p": 1e-4, "follows": Companion(what="|axis.v|", law="friction that differs", correlation=0.634, std=0.05)},
+            ["residual.axis follows |axis.v| (r = 0.63 ± 0.05), as friction that differs would make it."],
+        ),
+    ],
+)
+def test_a_residual_force_is_named_after_what_it_follows(given, said):
+    assert on_residuals({"axis": ResidualSummary(place="axis", unit="N", rms=1.0, origin="balance of axis", **given)}) == said
+
+
+def test_a_friction_that_the_model_lacks_is_named_in_the_notes():
+    """Dry friction of 3 N on the plant, held against the velocity that it has without it; 2000 samples."""
+    rng = np.random.default_rng(0)
+    velocity = np.gradient(many(2000, 1, np.random.default_rng(1))[0], STEP)
+    y = many(2000, 1, rng, -3.0 * np.sign(velocity)[None])[0] + STD * rng.normal(size=2000)
+    # the damper is given: else it takes what it can of the friction
+    result, _ = problem(y, parameters={**ALL_FREE, "damper.d": 1.5}, weights=Weights(W={"mass": 1.0}))
+    follows = result.residual_places["mass"].follows
+    assert follows is not None
+    assert follows.what in ("the sign of mass.v", "mass.v")
+    assert any(note.startswith("residual.mass follows") for note in result.notes)
+    assert any("not white" in note for note in result.notes)
+
+
+def test_a_right_model_has_nothing_to_say_of_its_errors():
+    rng = np.random.default_rng(2)
+    result, _ = problem(many(800, 1, rng)[0] + STD * rng.normal(size=800))
+    words = ("not white", "not normal", "follows", "promise")
+    assert not [note for note in result.notes if any(word in note for word in words)]
+    assert result.fit["run"]["x"].prediction_rms == pytest.approx(1.0, abs=4 / np.sqrt(2 * 800))

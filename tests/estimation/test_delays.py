@@ -1,0 +1,116 @@
+"""Delays of sensors, on motions that were read late."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import truths
+from examples import OFFSET, D, K, M, compiled, oscillator
+
+from backsight.estimation import Free, InputColumn, OutputColumn, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.command.result_json import estimated_parameters
+from backsight.models.errors import InputError
+
+MODEL, PLANT, STD, DT = compiled(oscillator()), truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3, 0.01
+TRUE = {"mass.m": M, "spring.k": K, "damper.d": D, "offset.f": OFFSET}
+FREE = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
+
+
+def late(seed: int, delay: float, *, n: int = 400, ask: bool = True, name: str = "run") -> Recording:
+    """The position `delay` seconds ago at every sample, from the exact motion under forces held from sample to sample."""
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(n)
+    u = 20 * np.sign(np.sin(np.arange(n) * 0.0483 + seed)) + 10 * np.repeat(rng.normal(size=n // 10), 10)
+    seen = np.clip(time - delay, 0.0, None)
+    every = np.union1d(time, seen)
+    held = u[np.clip(np.searchsorted(time, every, side="right") - 1, 0, n - 1)]
+    x = truths.disturbed(PLANT, every, held, np.array([0.02, -0.1]), 0.05, rng)
+    y = x[np.searchsorted(every, seen), 0] + STD * rng.normal(size=n)
+    y[time < delay] = np.nan
+    return Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD}, open_delays=("x",) if ask else ())
+
+
+def fitted(*recordings: Recording, **more) -> Smoothing:
+    problem = Problem(model=MODEL, recordings=recordings, parameters=FREE | more.pop("free", {}), weights=Weights(W={"mass": 0.05}), **more)
+    s = smooth(problem)
+    assert s.solver.converged
+    return s
+
+
+def scores(s: Smoothing, delay: float) -> np.ndarray:
+    return np.array([(s.parameters[n].value - v) / s.parameters[n].std for n, v in {**TRUE, "delay:x": delay}.items()])
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.013, 0.1], ids=["none", "of less than a sample", "of more", "of ten samples"])
+def test_a_delay_is_found_with_the_parameters(delay):
+    s = fitted(late(1, delay))
+    assert np.all(np.abs(scores(s, delay)) < 3.5), scores(s, delay)
+    p = s.parameters["delay:x"]
+    assert (p.unit, p.fixed) == ("s", False)
+    assert p.std < 3e-4
+    assert any("moved back by" in note for note in s.notes) == (delay > DT / 2)
+    assert s.fit["run"]["x"].rms == pytest.approx(STD, rel=0.2)
+
+
+def test_a_delay_that_nobody_asks_for_spoils_the_rest():
+    s = fitted(late(1, 0.013, ask=False))
+    assert max(abs(s.parameters[n].value - v) / s.parameters[n].std for n, v in TRUE.items()) > 5
+
+
+@pytest.mark.slow
+def test_over_twenty_records_the_scores_are_centred_and_of_unit_size():
+    z = np.array([scores(fitted(late(seed, 0.004)), 0.004) for seed in range(20)])
+    # twenty scores: the mean is known to 0.22 and the deviation to 16 %; three of each, and half a deviation for the joint mode's bias
+    assert np.all(np.abs(z.mean(axis=0)) < 0.5 + 3 * 0.22), z.mean(axis=0)
+    assert np.all((z.std(axis=0) > 0.5) & (z.std(axis=0) < 1.5)), z.std(axis=0)
+
+
+def test_recordings_share_the_delay():
+    one, two = fitted(late(1, 0.004)), fitted(late(1, 0.004), late(2, 0.004, name="other"))
+    assert np.all(np.abs(scores(two, 0.004)) < 3.5)
+    assert two.parameters["delay:x"].std < 0.85 * one.parameters["delay:x"].std
+
+
+def test_what_is_known_of_a_delay_beforehand_enters():
+    s = fitted(late(1, 0.004), free={"delay:x": Free(0.001, std=1e-6)})
+    assert s.parameters["delay:x"].value == pytest.approx(0.001, abs=1e-5)
+
+
+def test_inputs_that_act_late_are_found_too():
+    late_drive = replace(late(1, 0.013), open_delays=("inputs",))
+    s = fitted(late_drive)
+    p = s.parameters["delay:inputs"]
+    assert abs(p.value - 0.013) < 3.5 * p.std < 1e-3
+    assert abs(s.parameters["mass.m"].value - M) < 3.5 * s.parameters["mass.m"].std
+    assert any("samples of all outputs were moved back by 0.01 s" in note for note in s.notes)
+
+
+def test_inputs_act_late_all_or_none(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,F,G,x\n" + "\n".join(f"{0.1 * k},{k % 2},{k % 3},{0.1 * k}" for k in range(10)) + "\n")
+    columns = {"time": "t", "outputs": {"x": "x"}}
+    both = {"F": InputColumn("F", delay="estimate"), "G": InputColumn("G", delay="estimate")}
+    assert Recording.read(path, **columns, inputs=both).open_delays == ("inputs",)
+    with pytest.raises(InputError, match='delay of input F is "estimate", and that of G is not'):
+        Recording.read(path, **columns, inputs=both | {"G": "G"})
+    with pytest.raises(InputError, match=r"delay of input F is 0\.1; it can only be"):
+        Recording.read(path, **columns, inputs={"F": InputColumn("F", delay=0.1)})
+
+
+def test_a_column_asks_for_its_delay_by_a_word(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("t,F,x\n" + "\n".join(f"{0.1 * k},{k % 2},{0.1 * k}" for k in range(10)) + "\n")
+    columns = {"time": "t", "inputs": {"F": "F"}}
+    r = Recording.read(path, **columns, outputs={"x": OutputColumn("x", delay="estimate")})
+    assert r.open_delays == ("x",)
+    with pytest.raises(InputError, match=r'delay of output x is guess s; it must be at least 0 .*, or "estimate"'):
+        Recording.read(path, **columns, outputs={"x": OutputColumn("x", delay="guess")})
+
+
+def test_a_sensors_delay_is_no_parameter_of_the_plant_to_simulate_with(tmp_path):
+    values = {"mass.m": {"value": 2.5, "fixed": False}, "delay:x": {"value": 0.01, "fixed": False}}
+    (tmp_path / "result.json").write_text(json.dumps({"model": MODEL.name, "parameters": values}))
+    assert estimated_parameters(tmp_path, MODEL) == {"mass.m": 2.5}
