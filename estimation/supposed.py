@@ -87,7 +87,7 @@ def posed(problem: Problem, simple: Problem) -> Problem:
     inputs, weights = noisy_inputs(problem), problem.weights
     dae, W = problem.dae, dict(weights.W)
     initial, bounds = dict(problem.initial), dict(problem.bounds)
-    for place in weights.W.keys() - {p.name for p in dae.places}:
+    for place in sorted(weights.W.keys() - {p.name for p in dae.places}):
         dae = relaxed_kinematics(dae, place.removeprefix(KINEMATICS))
     for place, tau in weights.tau.items():
         kind = weights.kind.get(place, "ou")

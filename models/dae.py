@@ -8,7 +8,7 @@ Letters: x differential states, z algebraic variables, u inputs, p parameters, y
 A row with a place reads   (inertia terms) - (forces) - w_k = 0,   so that w_k is the force that the model does not explain.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -128,6 +128,15 @@ class Dae:
         return ca.Function(
             "probe", [self.dx, self.x, self.z, self.u, self.p, self.w, self.t], [ca.vertcat(*(self.variables[name] for name in names))]
         )
+
+    def undisturbed(self, expression: SX) -> SX:
+        """The expression without residual forces, w = 0."""
+        return ca.substitute(expression, self.w, ca.SX.zeros(self.w.shape[0]))
+
+    def rows_of(self, places: Sequence[int]) -> list[int]:
+        """Rows of the residual that carry the residual forces of these places, in their order."""
+        found = {e.place: row for row, e in enumerate(self.equations) if e.place is not None}
+        return [found[k] for k in places]
 
     def parameter_values(self, overrides: Mapping[str, float] | None = None) -> list[float]:
         """The values of p in order: defaults, replaced by `overrides`."""

@@ -7,7 +7,8 @@ spline.py, collocation.py              two transcriptions of the equations
 transcription.py                       the whole problem as terms of a program
 nlp.py, assembly.py, blocks.py         the program and its sparse derivatives
 follow.py, scaling.py, linear.py       where a solve starts, in which units, how fast its answer can move
-ipopt.py                               solving it
+evaluated.py                           its terms in numbers
+gauss_newton.py, ipopt.py              solving it: without constraints, and with them
 curvature.py, blocktridiagonal.py      covariances
 solution.py, readout.py, forces.py     the answer in the terms of the model
 """

@@ -26,7 +26,7 @@ def algebraics_along(dae: Dae, dx: Array, x: Array, u: Array, parameters: Array,
     """
     start = np.array([q.start for q in dae.algebraics], dtype=np.float64)
     level = np.repeat(start[:, None], len(times), axis=1)
-    F = ca.substitute(dae.residual, dae.w, ca.SX.zeros(dae.w.shape[0]))
+    F = dae.undisturbed(dae.residual)
     rows = [r for r in sorted(set(ca.jacobian_sparsity(F, dae.z).row())) if dae.equations[r].place is None]
     if len(rows) != len(start) or not rows:
         return level

@@ -1,4 +1,4 @@
-"""A program's functions, each made when it is first asked for: cost, constraints, derivatives, and the rows of every term."""
+"""A program's symbolic functions, each made when it is first asked for: cost, constraints, derivatives; `evaluated` has its numbers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from .blocks import Block, Scatter
+from .evaluated import Evaluated
 
 if TYPE_CHECKING:
     from .nlp import Nlp
-
-Index = NDArray[np.int64]
 
 
 class Assembled:
@@ -27,13 +25,21 @@ class Assembled:
         step, n = self._unit * self.x, nlp.trajectory_size
         self._lam_f, self._lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
         self._blocks = [Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
-        self._arguments = [
-            block.arguments(step[:n], parameters[list(nlp.free)] + step[n:], parameters, base, data)
-            for block, (base, data, _, _) in zip(self._blocks, numbers, strict=True)
-        ]
+        self._places = step[:n], parameters[list(nlp.free)] + step[n:], parameters
+        self._numbers = numbers
         self._targets, self._scales = [y for _, _, y, _ in numbers], [s for _, _, _, s in numbers]
 
+    @cached_property
+    def evaluated(self) -> Evaluated:
+        """The terms in numbers."""
+        return Evaluated(self._nlp, self._blocks)
+
     # ---- expressions, one per term
+
+    @cached_property
+    def _arguments(self) -> list[Any]:
+        pairs = zip(self._blocks, self._numbers, strict=True)
+        return [block.arguments(*self._places, base, data) for block, (base, data, _, _) in pairs]
 
     @cached_property
     def _rows(self) -> list[Any]:
@@ -111,41 +117,16 @@ class Assembled:
         """Upper triangle of the cost's Gauss-Newton Hessian, as a function of the same arguments."""
         return self._hessian(self._squares())
 
-    @cached_property
-    def kkt(self) -> Any:
-        """Upper triangle of the Gauss-Newton Hessian without the heavy terms, and the Jacobian of constraints and heavy terms."""
-        entries, offset = Scatter(), 0
-        for block, J, scale in zip(self._blocks, self._jacobians, self._scales, strict=True):
-            if block.term.equality or block.term.heavy:
-                entries.add(*block.jacobian_entries(offset), block.scaled(J, scale))
-                offset += block.term.target.size
-        squares = self._squares(heavy=False).matrix(self._nlp.size, self._nlp.size, self._unit, self._unit)
-        matrix = entries.matrix(offset, self._nlp.size, None, self._unit)
-        return self._function("kkt", [], [ca.substitute(squares, self._lam_f, 1.0), matrix], [], ["hessian", "jacobian"])
-
-    def _squares(self, *, heavy: bool = True) -> Scatter:
+    def _squares(self) -> Scatter:
         entries = Scatter()
         for block, J, scale in zip(self._blocks, self._jacobians, self._scales, strict=True):
-            if not block.term.equality and (heavy or not block.term.heavy):
+            if not block.term.equality:
                 entries.add(*block.square_entries(), self._lam_f * block.to_intervals(block.square(block.scaled(J, scale))))
         return entries
 
     def _hessian(self, entries: Scatter) -> Any:
         matrix = entries.matrix(self._nlp.size, self._nlp.size, self._unit, self._unit)
         return self._function("hess_l", [self._lam_f, self._lam_g], [matrix], ["lam_f", "lam_g"], ["triu_hess_gamma_x_x"])
-
-    @cached_property
-    def rows(self) -> Any:
-        """Rows r of every term."""
-        return self._function("rows", [], self._rows, [], [f"rows_{i}" for i in range(len(self._rows))])
-
-    def jacobian_of_rows(self, number: int) -> Any:
-        """Nonzeros, column by column, of the derivative of one term's values m; their places: `pattern`."""
-        return self._function(f"jacobian_{number}", [], [self._jacobians[number]], [], ["nonzeros"])
-
-    def pattern(self, number: int) -> tuple[Index, Index]:
-        """(row, column) of the nonzeros of `jacobian_of_rows` in one column's (K m, local + np) matrix."""
-        return self._blocks[number].jacobian_rows, self._blocks[number].jacobian_columns
 
     def _function(self, name: str, inputs: list[Any], outputs: list[Any], names_in: list[str], names_out: list[str]) -> Any:
         return ca.Function(f"nlp_{name}", [self.x, self.p, *inputs], outputs, ["x", "p", *names_in], names_out)

@@ -47,19 +47,34 @@ class Block:
         symbols = (ell, theta, p, basis.symbols, base, data)
         # what the function does not look at is not carried to its columns
         self._used = [_used(column, s) for s in symbols]
-        self._numbers = ca.MX(ca.DM(numbers[self._used[3]]))
+        self._numbers = numbers[self._used[3]]
         self._arguments = [s[used] for s, used in zip(symbols, self._used, strict=True)]
-        v, self._lam = ca.vertcat(ell, theta), ca.SX.sym("lam", column.shape[0])
-        self._column, jac = column, ca.jacobian(column, v)
-        self._gradient = ca.densify(ca.jtimes(column, v, self._lam, True))
-        self._jacobian = jac
-        self._hessian = ca.tril(ca.hessian(ca.dot(self._lam, column), v)[0])
-        self.curved = self._hessian.nnz() > 0
-        self.jacobian_rows, self.jacobian_columns = _triplet(jac)
-        pattern = ca.Sparsity.triplet(*jac.shape, self.jacobian_rows.tolist(), self.jacobian_columns.tolist())
-        self._slots = ca.SX.sym("j", pattern.nnz())
+        self._v, self._lam = ca.vertcat(ell, theta), ca.SX.sym("lam", column.shape[0])
+        self._column, self._jacobian = column, ca.jacobian(column, self._v)
+        self.jacobian_rows, self.jacobian_columns = _triplet(self._jacobian)
+
+    @cached_property
+    def _gradient(self) -> Any:
+        return ca.densify(ca.jtimes(self._column, self._v, self._lam, True))
+
+    @cached_property
+    def _hessian(self) -> Any:
+        return ca.tril(ca.hessian(ca.dot(self._lam, self._column), self._v)[0])
+
+    @cached_property
+    def _slots(self) -> Any:
+        return ca.SX.sym("j", len(self.jacobian_rows))
+
+    @cached_property
+    def _square(self) -> Any:
+        pattern = ca.Sparsity.triplet(*self._jacobian.shape, self.jacobian_rows.tolist(), self.jacobian_columns.tolist())
         J = ca.SX(pattern, self._slots)
-        self._square = ca.tril(J.T @ J)
+        return ca.tril(J.T @ J)
+
+    @property
+    def curved(self) -> bool:
+        """Whether the values are not linear in v."""
+        return bool(self._hessian.nnz() > 0)
 
     # ---- mapped over all columns; arguments as `arguments` gives them
 
@@ -88,8 +103,13 @@ class Block:
         """Nonzeros of the lower triangle of J'J from the nonzeros of J."""
         return self._mapped("square", [self._slots], _nonzeros(self._square))
 
-    def _mapped(self, name: str, inputs: list[Any], output: Any) -> Any:
-        return ca.Function(name, inputs, [output], {"cse": True}).map(self.term.columns)
+    @cached_property
+    def linearised(self) -> Any:
+        """Values m and the nonzeros of their derivative in v."""
+        return self._mapped("linearised", self._arguments, self._column, _nonzeros(self._jacobian))
+
+    def _mapped(self, name: str, inputs: list[Any], *outputs: Any) -> Any:
+        return ca.Function(name, inputs, list(outputs), {"cse": True}).map(self.term.columns)
 
     # ---- between columns, intervals and decisions
 
@@ -99,7 +119,17 @@ class Block:
         where = self.index[ell][:, self.term.interval].ravel(order="F").tolist()
         local = ca.reshape(c[where], len(ell), self.term.columns)
         repeated = [ca.repmat(vector[used], 1, self.term.columns) for vector, used in ((theta, free), (parameters, fixed))]
-        return [local, *repeated, self._numbers, _rows(base, known), _rows(data, rows)]
+        return [local, *repeated, ca.MX(ca.DM(self._numbers)), _rows(base, known), _rows(data, rows)]
+
+    def numbers(self, c: Array, theta: Array, parameters: Array, base: Array, data: Array) -> list[Array]:
+        """The same of numbers."""
+        _, free, fixed, _, known, rows = self._used
+        repeated = [np.repeat(vector[used, None], self.term.columns, axis=1) for vector, used in ((theta, free), (parameters, fixed))]
+        return [c[self._taken], *repeated, self._numbers, base[known], data[rows]]
+
+    @cached_property
+    def _taken(self) -> Index:
+        return self.index[self._used[0]][:, self.term.interval]
 
     def scaled(self, jacobian: Any, scale: Any) -> Any:
         """Nonzeros of every column's Jacobian times its rows' scale."""
@@ -205,8 +235,7 @@ def _basis(interpolation: Interpolation, steps: Array, term: Term) -> tuple[_Bas
         return _Basis(symbols, [[symbols[kind] for kind in interpolation.kinds[1]]]), numbers
     length = ca.SX.sym("h")
     entries = [
-        [float(e.polynomial.deriv(e.order)(tau)) * length**e.power for e in interpolation.entries]
-        for tau in np.asarray(term.nodes, dtype=np.float64)
+        [float(e.differentiated(tau)) * length**e.power for e in interpolation.entries] for tau in np.asarray(term.nodes, dtype=np.float64)
     ]
     return _Basis(length, entries), h[None, :]
 

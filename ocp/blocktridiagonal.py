@@ -13,6 +13,7 @@ With o an eliminated block between its neighbours a and b, and S the inverse:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,12 +31,31 @@ class Level:
 
 @dataclass(frozen=True)
 class BlockTridiagonal:
-    """Factor of a symmetric matrix with blocks diagonal[k] (n, b, b) and lower[k] = H[k + 1, k] (n - 1, b, b)."""
+    """Factor of a symmetric matrix with blocks diagonal[k] (n, b, b) and lower[k] = H[k + 1, k] (n - 1, b, b).
+
+    pivots: the blocks that were inverted, level by level.
+    """
 
     levels: tuple[Level, ...]
     root: Array
-    log_abs_determinant: float
-    negative_eigenvalues: int
+    pivots: tuple[Array, ...]
+
+    @cached_property
+    def _eigenvalues(self) -> Array:
+        values = np.concatenate([np.linalg.eigvalsh(blocks).ravel() for blocks in self.pivots])
+        if not np.all(np.isfinite(values)) or np.any(values == 0):
+            raise np.linalg.LinAlgError("a block of the matrix is singular")
+        return values
+
+    @property
+    def log_abs_determinant(self) -> float:
+        """log |det H|; a block that is singular but for rounding may raise numpy.linalg.LinAlgError."""
+        return float(np.sum(np.log(np.abs(self._eigenvalues))))
+
+    @property
+    def negative_eigenvalues(self) -> int:
+        """Number of negative eigenvalues of H, by Sylvester's law of inertia; raises as the determinant does."""
+        return int(np.sum(self._eigenvalues < 0))
 
     def solve(self, rhs: Array) -> Array:
         """H^-1 rhs; rhs (n, b, m)."""
@@ -82,12 +102,11 @@ def factor(diagonal: Array, lower: Array) -> BlockTridiagonal:
     """Factor H; a singular block raises numpy.linalg.LinAlgError. The blocks themselves need not be positive definite."""
     if not (np.all(np.isfinite(diagonal)) and np.all(np.isfinite(lower))):
         raise np.linalg.LinAlgError("the matrix has entries that are not finite")
-    levels = []
-    log_determinant, negative = 0.0, 0
+    levels, pivots = [], []
     while len(diagonal) > 1:
         D, odd = diagonal[1::2], len(diagonal) // 2
-        log_determinant, negative = _count(D, log_determinant, negative)
-        inverse = np.linalg.inv(D)
+        pivots.append(D)
+        inverse = _inverse(D)
         inverse = (inverse + _t(inverse)) / 2
         H_oa, right = lower[0::2], (len(diagonal) - 1) // 2
         H_bo = lower[1::2]
@@ -100,15 +119,22 @@ def factor(diagonal: Array, lower: Array) -> BlockTridiagonal:
         between = -H_bo @ to_left[:right]
         levels.append(Level(inverse, to_left, to_right))
         diagonal, lower = even, between
-    log_determinant, negative = _count(diagonal, log_determinant, negative)
-    return BlockTridiagonal(tuple(levels), np.linalg.inv(diagonal), log_determinant, negative)
+    return BlockTridiagonal(tuple(levels), _inverse(diagonal), (*pivots, diagonal))
 
 
-def _count(blocks: Array, log_determinant: float, negative: int) -> tuple[float, int]:
-    eigenvalues = np.linalg.eigvalsh(blocks)
-    if not np.all(np.isfinite(eigenvalues)) or np.any(eigenvalues == 0):
-        raise np.linalg.LinAlgError("a block of the matrix is singular")
-    return log_determinant + float(np.sum(np.log(np.abs(eigenvalues)))), negative + int(np.sum(eigenvalues < 0))
+def _inverse(blocks: Array) -> Array:
+    try:
+        return np.linalg.inv(blocks)
+    except np.linalg.LinAlgError:
+        raise np.linalg.LinAlgError("a block of the matrix is singular") from None
+
+
+def times(diagonal: Array, lower: Array, x: Array) -> Array:
+    """H x of the blocks as `factor` takes them; x (n, b, m)."""
+    out = diagonal @ x
+    out[1:] += lower @ x[:-1]
+    out[:-1] += _t(lower) @ x[1:]
+    return np.asarray(out, dtype=np.float64)
 
 
 def _t(blocks: Array) -> Array:

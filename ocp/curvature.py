@@ -18,6 +18,16 @@ With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
 What the data leave open makes S singular. With S = D (Q diag(e) Q' + N diag(~0) N') D, in units D of the rounding of S, the columns of
 D^-1 N are the null directions, and C_bb = D^-1 Q diag(1/e) Q' D^-1 is the covariance of all else: every generalised inverse gives the
 same variance to a quantity that no null direction moves (Rao & Mitra, Generalized Inverse of Matrices and its Applications, section 2.2).
+
+Which directions are null. Column i of X says how everything moves with unknown i of the border, and S_ii is the sum of squares that this
+costs. With M the whole matrix in the blocks, X_i as computed solves a system whose entries are off by a rounding of their own, so that its
+unknowns may as well be at |X_i| + eps rho_i, where rho_i is how the blocks answer rounding in the sums that their constraints cancel:
+
+    D_i^2 = sum over k of |M_kk| (|X_ki| + rho_ki)^2,        rho_i = |M^-1 (0; +-|J -d| |X_i|)|
+
+By Cauchy and Schwarz no S_ij is then off by much more than eps D_i D_j, and |e| < ROUNDING is null: a combination that costs less than
+rounding of what each of its parts costs alone. Every product is of a weight with the moves of its own unknown, so neither the units of the
+unknowns nor the weights of the constraints change e; a weight that is not there at all counts as the rounding of one.
 """
 
 from __future__ import annotations
@@ -28,16 +38,18 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .blocktridiagonal import BlockTridiagonal, factor
+from .blocktridiagonal import BlockTridiagonal, factor, times
 from .nlp import Nlp
 from .polynomials import Array
 
 Index = NDArray[np.int64]
 
-# Rounding of S in units of the sizes that it is summed from: eps, times what an elimination may let grow. Known null directions come out
-# between 1e-17 and 2e-13 (short intervals beside long ones, four thousand intervals), the least of what is determined, at weights that are
-# rigid, near 1e-10.
-ROUNDING = 2.0**12 * float(np.finfo(np.float64).eps)
+# Known null directions come out below 1e-15 in every unit, the least of what is determined near 3e-12 (four hundred intervals of which one
+# is ten thousand times longer than another) and commonly above 1e-6.
+EPS = float(np.finfo(np.float64).eps)
+ROUNDING = 2.0**12 * EPS
+# Each halves the decades by which the largest entries of rows differ.
+SWEEPS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,37 +143,39 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
     fixed = np.zeros(len(at.block), dtype=bool)
     fixed[known] = True
     keep = ~(fixed[rows] | fixed[columns])
-    diagonal, lower, border, corner = _dense(at, rows[keep], columns[keep], values[keep])
+    rows, columns, values = rows[keep], columns[keep], values[keep]
+    size = _equilibrated(rows, columns, values, len(fixed))
+    unit = unit * size[: nlp.size]
+    diagonal, lower, border, corner = _dense(at, rows, columns, values * size[rows] * size[columns])
     idle = np.ones((at.count, at.size), dtype=bool)
     inside = (at.block >= 0) & ~fixed
     idle[at.block[inside], at.place[inside]] = False
     own = nlp.interpolation.interior + nlp.interpolation.states
-    seen = np.abs(diagonal[:, np.arange(own), np.arange(own)]).max(axis=1, initial=0.0)
+    weight = np.abs(np.einsum("kii->ki", diagonal))
+    weight[:, :own] = np.maximum(weight[:, :own], EPS)
     k, i = np.nonzero(idle)
     diagonal[k, i, i] = 1.0
     gone = at.place[fixed & (at.block < 0)]
     corner[gone, gone] = 1.0
     tree = factor(diagonal, lower)
-    X = tree.solve(border)
-    S = corner - np.einsum("kbi,kbj->ij", border, X)
-    # a multiplier that is zero but for rounding says nothing of the rounding: what its interval's unknowns are seen by does
-    moved = np.abs(X[:, :own]).max(axis=1, initial=0.0)
-    D = _units(S, np.abs(np.diag(corner)) + np.einsum("kbi,kbi->i", np.abs(border), np.abs(X)) + seen @ moved**2)
-    e, Q = np.linalg.eigh(S / np.outer(D, D))
-    lost = np.abs(e) < ROUNDING
-    N, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
+    X, S = _eliminated(tree, diagonal, lower, border, corner)
+    reach = np.abs(X) + _slack(tree, diagonal, lower, border, X, own)
     # The blocks are determined by the border whatever the data; their own inertia is that of a sum of squares, and counting the
     # signs of their pivots would only count rounding. What the data must determine is the border: its inertia is that of a minimum when
     # every multiplier there brings one negative eigenvalue, but those of redundant constraints, which are null directions themselves.
     edge = nlp.interpolation.states * len(at.starts)
     multipliers = slice(edge, at.border - len(nlp.free))
+    D = _units(S, np.abs(np.diag(corner)) + np.einsum("kb,kbi->i", weight, reach**2), multipliers)
+    e, Q = np.linalg.eigh(S / np.outer(D, D))
+    lost = np.abs(e) < ROUNDING
+    N, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
     held = multipliers.stop - edge - round(float(np.sum(N[multipliers] ** 2)))
     definite = int(np.sum(e < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
     C = (Q / e) @ Q.T / np.outer(D, D)
     C[gone], C[:, gone] = 0.0, 0.0
     N[multipliers] = 0.0
-    left, size, _ = np.linalg.svd(N, full_matrices=False)
-    N = left[:, size > 0.5] / D[:, None]
+    left, length, _ = np.linalg.svd(N, full_matrices=False)
+    N = left[:, length > 0.5] / D[:, None]
     theta = unit[n:]
     scale = np.concatenate([nlp.local(unit[:n]), np.repeat(theta[:, None], at.count, axis=1)]).T
     rows = _rows(nlp, at, X, idle)
@@ -170,23 +184,55 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
         parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
         interval_covariance=_local_covariances(nlp, at, tree, rows, C, idle) * scale[:, :, None] * scale[:, None, :],
         log_determinant=tree.log_abs_determinant
-        + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D)) - np.sum(np.log(softness[soft]))),
+        + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D)) - 2.0 * np.sum(np.log(size)) - np.sum(np.log(softness[soft]))),
         null=np.concatenate([N[:edge], N[at.border - len(theta) :]]).T * first,
         interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(ROUNDING),
         definite=definite,
     )
 
 
-def _units(S: Array, summed: Array) -> Array:
-    """Units in which the rounding of every entry of S is that of one: the root of the sizes that its diagonal is summed from, (nb,).
+def _equilibrated(rows: Index, columns: Index, values: Array, count: int) -> Array:
+    """Units (count,), powers of two, in which every row of the symmetric matrix has its largest entry near one (Ruiz, RAL-TR-2001-034)."""
+    size = np.ones(count)
+    for _ in range(SWEEPS):
+        entry, largest = np.abs(values) * size[rows] * size[columns], np.zeros(count)
+        np.maximum.at(largest, rows, entry)
+        np.maximum.at(largest, columns, entry)
+        size /= np.sqrt(np.where(largest > 0, largest, 1.0))
+    return np.exp2(np.round(np.log2(size)))
 
-    S_ij is a difference of sums of products a_i b_j whose squares add up to no more than `summed`, so by Cauchy and Schwarz its rounding
-    is some eps * sqrt(summed_i summed_j). A multiplier of the border alone sums nothing; its unit makes its row of S one.
+
+def _eliminated(tree: BlockTridiagonal, diagonal: Array, lower: Array, border: Array, corner: Array) -> tuple[Array, Array]:
+    """X and S, one step of refinement each: their errors are then those of rounded entries (Skeel, Math. Comp. 35, 1980).
+
+    With a residual R = H_cb - H_cc X, H_bc H_cc^-1 H_cb = H_bc X + (X + H_cc^-1 R)' R exactly.
     """
+    X = tree.solve(border)
+    R = border - times(diagonal, lower, X)
+    better = X + tree.solve(R)
+    S = corner - np.einsum("kbi,kbj->ij", border, X) - np.einsum("kbi,kbj->ij", better, R)
+    return better, (S + S.T) / 2
+
+
+def _slack(tree: BlockTridiagonal, diagonal: Array, lower: Array, border: Array, X: Array, own: int) -> Array:
+    """How far everything moves, in units of eps, when the sums that the constraints cancel are rounded; as X.
+
+    Signs of rounding are drawn, the same ones at every call, so that no regular pattern of a plant cancels them.
+    """
+    sums = times(np.abs(diagonal), np.abs(lower), np.abs(X)) + np.abs(border)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=sums.shape[:2])
+    signs[:, :own] = 0.0
+    return np.abs(tree.solve(signs[:, :, None] * sums))
+
+
+def _units(S: Array, summed: Array, multipliers: slice) -> Array:
+    """D (nb,) from its squares; a multiplier of the border, which may cost nothing, gets a unit that makes its row of S one at most."""
     D = np.sqrt(summed)
-    seen = D > 0
-    reach = np.max(np.abs(S[:, seen]) / D[seen], axis=1, initial=0.0)
-    return np.where(seen, D, np.where(reach > 0, reach, 1.0))
+    unknown = np.ones(len(D), dtype=bool)
+    unknown[multipliers] = False
+    unknown &= D > 0
+    D[multipliers] = np.maximum(D[multipliers], np.max(np.abs(S[multipliers][:, unknown]) / D[unknown], axis=1, initial=0.0))
+    return np.where(D > 0, D, 1.0)
 
 
 def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:

@@ -33,6 +33,7 @@ from .transcription import ParameterPrior, Transcription, transcribe
 SOFTNESS = 10.0 ** np.arange(0.0, 13.0)
 MET = 1.5  # mean square of the scaled differences at which the samples count as met
 ENOUGH = 3  # samples in an interval
+RIDGES = (0.0, 1e-12, 1e-9, 1e-6)  # on a unit diagonal, where rounding leaves it indefinite
 RELINEARISATIONS = 4  # for outputs that are not linear in the states
 
 
@@ -172,4 +173,10 @@ def _solve_banded(upper: sp.csc_matrix, rhs: Array) -> Array:
     unit = 1.0 / np.sqrt(banded[width])
     for k in range(width + 1):
         banded[width - k, k:] *= unit[k:] * unit[: len(unit) - k]
-    return np.asarray(unit * scipy.linalg.solveh_banded(banded, unit * rhs, check_finite=False), dtype=np.float64)
+    for ridge in RIDGES:
+        banded[width] = 1.0 + ridge
+        try:
+            return np.asarray(unit * scipy.linalg.solveh_banded(banded, unit * rhs, check_finite=False), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            continue
+    return np.full(upper.shape[0], np.nan)

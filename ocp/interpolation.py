@@ -34,6 +34,19 @@ class Entry:
     order: int
     power: int
 
+    @cached_property
+    def differentiated(self) -> Polynomial:
+        """d^order/dtau^order polynomial."""
+        return self.polynomial.deriv(self.order) if self.order else self.polynomial
+
+    def at(self, tau: Array) -> Array:
+        """The differentiated polynomial at any places, in their precision."""
+        out = np.zeros_like(tau)
+        for a in self.differentiated.coef[::-1]:
+            out *= tau
+            out += a
+        return out
+
 
 @dataclass(frozen=True, kw_only=True)
 class Interpolation:
@@ -73,7 +86,7 @@ class Interpolation:
         """The different entries of T at M places, (len(kinds[0]), M), in the precision of `tau`; h: length of each place's interval."""
         out = np.empty((len(self.kinds[0]), len(tau)), dtype=tau.dtype)
         for row, e in zip(out, self.kinds[0], strict=True):
-            row[:] = e.polynomial.deriv(e.order)(tau) * h.astype(tau.dtype) ** e.power
+            row[:] = e.at(tau) * h.astype(tau.dtype) ** e.power
         return out
 
     def apply(self, values: Array, local: Array) -> Array:

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
+from .gauss_newton import descend
 from .nlp import Nlp, Values
 from .polynomials import Array
 
@@ -70,7 +71,7 @@ class Options:
     """
 
     tolerance: float = 1e-6
-    gauss_newton_iterations: int = 20
+    gauss_newton_iterations: int = 40
     max_iterations: int = 100
     drift: float = 0.02
     max_passes: int = 6
@@ -134,8 +135,8 @@ class Solver:
     ) -> Solved:
         """Gauss-Newton steps first; the exact Hessian takes over where they do not arrive.
 
-        Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: the
-        first only.
+        Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: a solve
+        on the way, Gauss-Newton steps only, and without constraints by plain steps (`gauss_newton.py`), which need nothing built.
         """
         began, decisions = time.perf_counter(), start
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
@@ -144,23 +145,13 @@ class Solver:
         n, exact = self.nlp.trajectory_size, False
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, decisions)
-            solver = self._newton if exact else self._gauss_newton
-            answer = solver(
-                x0=np.zeros(self.nlp.size),
-                p=here.packed(),
-                lbx=here.scaled(lower),
-                ubx=here.scaled(upper),
-                lbg=0.0,
-                ubg=0.0,
-                lam_g0=multipliers,
-            )
-            stats = solver.stats()
-            iterations += int(stats["iter_count"])
-            status = _STATUS.get(stats["return_status"], Status.NUMERICS)
-            X = np.asarray(answer["x"], dtype=np.float64).ravel()
-            if np.all(np.isfinite(X)):
-                decisions, cost = here.decisions(X), float(answer["f"])
-                multipliers = np.asarray(answer["lam_g"], dtype=np.float64).ravel()
+            if newton or self.nlp.constraint_count:
+                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers)
+            else:
+                answer = self._by_steps(here, lower, upper)
+            iterations, status = iterations + answer.iterations, answer.status
+            if np.all(np.isfinite(answer.decisions)):
+                decisions, cost, multipliers = answer.decisions, answer.cost, answer.multipliers
             if progress is not None:
                 progress(f"{'Newton' if exact else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
             now, then = decisions[n:][self.nlp.referred], here.reference[n:][self.nlp.referred]
@@ -181,10 +172,59 @@ class Solver:
             on_bound=_on_bound(decisions, lower, upper, values.unit),
         )
 
+    def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array) -> Solved:
+        answer = solver(
+            x0=np.zeros(self.nlp.size),
+            p=here.packed(),
+            lbx=here.scaled(lower),
+            ubx=here.scaled(upper),
+            lbg=0.0,
+            ubg=0.0,
+            lam_g0=multipliers,
+        )
+        stats = solver.stats()
+        return Solved(
+            decisions=here.decisions(np.asarray(answer["x"], dtype=np.float64).ravel()),
+            cost=float(answer["f"]),
+            multipliers=np.asarray(answer["lam_g"], dtype=np.float64).ravel(),
+            status=_STATUS.get(stats["return_status"], Status.NUMERICS),
+            iterations=int(stats["iter_count"]),
+            seconds=0.0,
+        )
+
+    def _by_steps(self, here: Values, lower: Array, upper: Array) -> Solved:
+        """Without constraints there is no need for multipliers, barriers and a symbolic Hessian."""
+        found = descend(
+            self.nlp, here, here.scaled(lower), here.scaled(upper), self.options.tolerance, self.options.gauss_newton_iterations
+        )
+        status = (
+            Status.NUMERICS
+            if not found.finite
+            else Status.SOLVED
+            if found.solved
+            else Status.ACCEPTABLE
+            if found.acceptable
+            else Status.ITERATIONS
+        )
+        return Solved(
+            decisions=here.decisions(found.X),
+            cost=found.cost,
+            multipliers=np.zeros(0),
+            status=status,
+            iterations=found.iterations,
+            seconds=0.0,
+        )
+
     def hessian(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix]:
         """Upper triangle of the Gauss-Newton Hessian and the Jacobian of the constraints, in the program's units."""
-        a, x, p = self.nlp.assembled, values.scaled(decisions), values.packed()
-        return _sparse(a.gauss_newton(x, p, 1.0, np.zeros(self.nlp.constraint_count))), self.jacobian(decisions, values)
+        evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
+        parts = [evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if not term.equality]
+        return evaluated.upper(evaluated.squares(parts)), self.jacobian(decisions, values)
+
+    def weights(self, decisions: Array, values: Values) -> Array:
+        """Diagonal of the Gauss-Newton Hessian, (n + np,)."""
+        evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
+        return evaluated.diagonal([evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if not term.equality])
 
     def kkt(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix, Array]:
         """H (upper triangle), J and d (rows of J,) of the Gauss-Newton KKT matrix [H J'; J -diag(d)], in the program's units.
@@ -192,7 +232,11 @@ class Solver:
         Constraints have d = 0. A heavy term has its rows r among those of J, with multipliers of their own, r = J dX = d lambda: squares
         of numbers that differ by ten decades would leave nothing of the small ones.
         """
-        H, J = (_sparse(m) for m in self.nlp.assembled.kkt(values.scaled(decisions), values.packed()))
+        evaluated, X, terms = self.nlp.assembled.evaluated, values.scaled(decisions), self.nlp.terms
+        parts = [evaluated.linearised(k, X, values) for k in range(len(terms))]
+        apart = [terms[part.number].equality or terms[part.number].heavy for part in parts]
+        H = evaluated.upper(evaluated.squares([part for part, own in zip(parts, apart, strict=True) if not own]))
+        J = evaluated.jacobian([part for part, own in zip(parts, apart, strict=True) if own])
         heavy = np.concatenate(
             [np.full(t.target.size, t.heavy) for t in self.nlp.terms if t.equality or t.heavy] or [np.empty(0, dtype=bool)]
         )
@@ -202,27 +246,17 @@ class Solver:
 
     def jacobian(self, decisions: Array, values: Values) -> sp.csc_matrix:
         """The Jacobian of the constraints, in the program's units."""
-        return _sparse(self.nlp.assembled.jac(values.scaled(decisions), values.packed())[1])
+        evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
+        return evaluated.jacobian([evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if term.equality])
 
     def rows(self, decisions: Array, values: Values) -> list[Array]:
         """The rows r = (m - target) * scale of every term, each (K m, C)."""
-        out = self.nlp.assembled.rows(values.scaled(decisions), values.packed())
-        return [np.asarray(r, dtype=np.float64) for r in (out if isinstance(out, tuple) else (out,))]
+        return self.nlp.assembled.evaluated.rows(values.scaled(decisions), values)
 
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
         """Derivative of term `number`'s values m (not scaled) in the local unknowns and parameters, (C, K m, local + np)."""
-        a, term = self.nlp.assembled, self.nlp.terms[number]
-        nonzeros = np.asarray(a.jacobian_of_rows(number)(values.scaled(decisions), values.packed()), dtype=np.float64)
-        dense = np.zeros((term.columns, term.target.shape[0], self.nlp.interpolation.local + len(self.nlp.free)))
-        rows, columns = a.pattern(number)
-        dense[:, rows, columns] = nonzeros.T
-        return dense
+        return self.nlp.assembled.evaluated.derivative(number, values.scaled(decisions), values)
 
 
 def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
     return tuple(np.flatnonzero(np.minimum(decisions - lower, upper - decisions) < 1e-3 * unit).tolist())
-
-
-def _sparse(matrix: Any) -> sp.csc_matrix:
-    pattern = matrix.sparsity()
-    return sp.csc_matrix((np.array(matrix.nonzeros()), np.array(pattern.row()), np.array(pattern.colind())), shape=matrix.shape)

@@ -43,10 +43,7 @@ def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, param
     parts = [ca.jacobian(dae.residual, unknown), ca.jacobian(dae.residual, dae.x), ca.jacobian(dae.residual, dae.u)]
     parts += [ca.jacobian(dae.residual, dae.w)[:, list(soft)], ca.jacobian(dae.output, dae.x), ca.jacobian(dae.output, unknown)]
     parts += [ca.jacobian(dae.output, dae.w)[:, list(soft)]]
-    nothing = ca.SX.zeros(dae.w.shape[0])
-    function = ca.Function(
-        "linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(ca.substitute(e, dae.w, nothing)) for e in parts]
-    )
+    function = ca.Function("linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(dae.undisturbed(e)) for e in parts])
     count, nx, nu = x.shape[1], dae.x.shape[0], dae.u.shape[0]
     values = function.map(count)(dx, x, z, u, np.repeat(parameters[:, None], count, axis=1), t[None, :])
     F_e, F_x, F_u, F_w, H_x, H_e, H_w = (_stacked(np.asarray(v), e.shape[0], e.shape[1], count) for v, e in zip(values, parts, strict=True))

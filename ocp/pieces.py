@@ -36,7 +36,7 @@ class Pieces:
         M(p_ref), whatever p, and at p_ref = p, where a solve ends, the rows are F itself.
         """
         dae, rows = self.dae, self.rows_of(self.soft)
-        F = ca.substitute(dae.residual[rows], dae.w, ca.SX.zeros(dae.w.shape[0]))
+        F = dae.undisturbed(dae.residual[rows])
         # a coloured force enters its balance as a state: the accelerations stand there, not in the row that shapes it
         shaped = {e.shaped: row for row, e in enumerate(dae.equations) if e.shaped is not None}
         inertial = dae.residual[[shaped.get(k, row) for k, row in zip(self.soft, rows, strict=True)]]
@@ -72,7 +72,7 @@ class Pieces:
         if not (at_once.nnz() and forced.nnz()):
             return dae.output, ca.SX(0, 1)
         E: Any = -at_once @ ca.solve(ca.jacobian(dae.residual, unknown), forced)
-        E = ca.sparsify(ca.simplify(ca.substitute(E, dae.w, ca.SX.zeros(dae.w.shape[0]))))
+        E = ca.sparsify(ca.simplify(dae.undisturbed(E)))
         du = ca.SX.sym("du", dae.u.shape[0])
         return (dae.output + E @ du, du) if E.nnz() else (dae.output, ca.SX(0, 1))
 
@@ -106,5 +106,4 @@ class Pieces:
 
     def rows_of(self, places: Sequence[int]) -> list[int]:
         """Rows of the residual that carry the residual forces of these places, in their order."""
-        found = {e.place: row for row, e in enumerate(self.dae.equations) if e.place is not None}
-        return [found[k] for k in places]
+        return self.dae.rows_of(places)

@@ -45,7 +45,7 @@ def linear_balances(problem: Problem, method: str) -> Balances:
     """
     dae, free = problem.dae, require_free(problem, method)
     p = dae.p[free]
-    F = ca.substitute(dae.residual, dae.w, ca.SX.zeros(dae.w.shape[0]))
+    F = dae.undisturbed(dae.residual)
     depends = [_has(F[r], p) for r in range(F.shape[0])]
     balances = [r for r, e in enumerate(dae.equations) if e.place is not None and depends[r]]
     slope = ca.jacobian(F[balances], p)

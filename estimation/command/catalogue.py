@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from backsight.models import Dae, Model, SolveError
-from backsight.models.analysis.identifiability import identifiability
 
 from ..study.model_source import compiled, load_model
 
@@ -57,6 +56,9 @@ def details(name: str) -> dict[str, Any]:
 
 def _told(dae: Dae) -> dict[str, Any]:
     """Which parameters and states the outputs can tell: names, combinations and sentences; only `notes` where it cannot be judged."""
+    # the listing of all plants does without it, and is quick
+    from backsight.models.analysis.identifiability import identifiability
+
     try:
         found = identifiability(dae)
     except SolveError as error:

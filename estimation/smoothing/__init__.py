@@ -2,7 +2,9 @@
 
 smoother.py                     the whole way
 horizons.py                     recordings as arrays in the model's order
-initial_guess.py, unseen.py     where a solve starts
+approach.py                     from guesses far off to where a solve starts, from loose to tight balances
+initial_guess.py, unseen.py     trajectories that follow the samples; what no output shows
+along.py                        the model along a trajectory
 meshing.py, mesh_error.py       how fine a mesh must be, and whether it was fine enough
 program.py, rest.py             the program on a mesh; friction near rest
 variances.py                    weights that nobody gave

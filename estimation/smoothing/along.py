@@ -33,7 +33,7 @@ def forces(problem: Problem, followed: Followed, parameters: Array) -> dict[int,
     """
     dae = problem.dae
     rows = {int(e.place): r for r, e in enumerate(dae.equations) if e.place is not None}
-    F = ca.substitute(dae.residual[list(rows.values())], dae.w, ca.SX.zeros(dae.w.shape[0]))
+    F = dae.undisturbed(dae.residual[list(rows.values())])
     variables = ca.vertcat(dae.dx, dae.x, dae.z, dae.u, dae.p)
     terms = ca.vec(ca.jacobian(F, variables) * ca.repmat(variables.T, len(rows), 1))
     found = []

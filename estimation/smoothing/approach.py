@@ -3,10 +3,10 @@
 A balance that may be off by as much as its own largest force binds nothing, one that may not be off at all binds guesses that are wrong.
 So the residual forces get room for a share of the forces at their place, white from interval to interval,
 
-    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.3, 0.1, 0.03, 0.01
+    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.3, 0.1, 0.03, 0.01 (1, 0.1, 0.01 where all is seen)
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
-velocity. A parameter is held near its last value by a prior that is as wide as itself, so that none runs away while little is known.
+velocity. A parameter is held near its first guess by a prior twice as wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
 becomes the problem's own.
 
@@ -22,21 +22,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backsight.ocp import Horizon, Options, Solution
+from backsight.ocp import Options, Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
 from .along import forces
-from .program import Program, Settings, make_program
+from .program import Program, Settings, make_program, renewed
 from .rest import ROUNDING, FrictionLaw, rms_velocity
 from .unseen import complete, unseen_states
 
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)
-TRUST = 1.0  # width of the prior about a parameter's last value, over it or over the first guess, whichever is larger
+TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
 TOLD = 0.05  # share at which a descent without strain is right
-BATCHES = 4  # of Gauss-Newton steps at a share, at most
+TIGHT = 0.1  # share from which on a descent waits for convergence
+BATCHES = 4  # of Gauss-Newton steps at such a share, at most
 STARTS = 3  # descents, at most
 SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
@@ -100,16 +101,19 @@ def _descent(
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
     count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
-    best, way = np.inf, None
-    for share in SHARES:
+    near, seen = _near(problem), not unseen_states(problem)
+    best, way, program, size = np.inf, None, None, dict[int, float]()
+    for share in SHARES[::2] if seen else SHARES:
         rounded = _rounded(problem, followed, laws, parameters, share)
-        size = forces(problem, followed, rounded)
+        now = forces(problem, followed, rounded)
+        size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         std = {k: max(share * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
-        if way is None and problem.free:
-            program = _program(problem, horizons, followed, laws, std, rounded)
+        if program is None:
+            settings = Settings(options=OPTIONS, method="spline")
+            program = make_program(near, settings, horizons, followed, laws, std, rounded, rounded)
             followed = _followed(_held(program).solve(program.start, program.values, False, _silent), followed)
-        for _ in range(BATCHES):
-            program = _program(problem, horizons, followed, laws, std, rounded)
+        for _ in range(BATCHES if share <= TIGHT else 1):
+            program = renewed(program, near, followed, laws, std, rounded, rounded)
             solution = program.solve(program.start, program.values, False, _silent)
             if not np.all(np.isfinite(solution.solved.decisions)):
                 break
@@ -127,18 +131,6 @@ def _descent(
     if way is None:
         raise RuntimeError("SHARES is empty")
     return way
-
-
-def _program(
-    problem: Problem,
-    horizons: list[Horizon],
-    followed: Followed,
-    laws: tuple[FrictionLaw, ...],
-    std: dict[int, float],
-    parameters: Array,
-) -> Program:
-    settings = Settings(options=OPTIONS, method="spline")
-    return make_program(_near(problem, parameters), settings, horizons, followed, laws, std, parameters, parameters)
 
 
 def _followed(solution: Solution, before: Followed) -> Followed:
@@ -167,15 +159,14 @@ def _within(problem: Problem, index: int, value: float) -> float:
     return float(np.clip(value, max(low, info.minimum), min(high, info.maximum)))
 
 
-def _near(problem: Problem, parameters: Array) -> Problem:
-    """The problem with every free parameter supposed to be near its value now, unless the user says how near."""
+def _near(problem: Problem) -> Problem:
+    """The problem with every free parameter supposed to be near its first guess, unless the user says how near."""
     given = dict(problem.parameters)
     for i in problem.free:
         info = problem.dae.parameters[i]
         free = given[info.name]
         if isinstance(free, Free) and free.std is None:
-            guess = float(np.clip(parameters[i], free.min, free.max))
-            given[info.name] = replace(free, guess=guess, std=TRUST * (max(abs(guess), abs(free.guess)) or info.nominal))
+            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal))
     return replace(problem, model=problem.dae, parameters=given)
 
 

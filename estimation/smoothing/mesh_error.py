@@ -37,8 +37,7 @@ def unresolved_moment(solution: Solution) -> float:
     if not t.soft or t.method != "spline":
         return np.inf
     ip, dae, K, steps = t.nlp.interpolation, t.dae, t.degree, t.nlp.steps
-    row_of = {e.place: row for row, e in enumerate(dae.equations) if e.place is not None}
-    F = ca.substitute(dae.residual[[row_of[k] for k in t.soft]], dae.w, ca.SX.zeros(dae.w.shape[0]))
+    F = dae.undisturbed(dae.residual[dae.rows_of(t.soft)])
     balance = ca.Function("balance", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(F)])
     nodes, weights = gauss(K + 2)
     interval = np.repeat(np.arange(len(steps)), len(nodes))

@@ -91,13 +91,38 @@ def make_program(
     parameters (np_all,): what the free ones are measured from, and the values of the others; start (np_all,): where the free ones start.
     """
     transcription = _transcribe(problem, horizons, force_std, settings)
-    solver = Solver(transcription.nlp, settings.options)
+    return _numbered(problem, transcription, Solver(transcription.nlp, settings.options), followed, laws, force_std, parameters, start)
+
+
+def renewed(
+    program: Program,
+    problem: Problem,
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    force_std: dict[int, float],
+    parameters: Array,
+    start: Array,
+) -> Program:
+    """The program with other numbers and another start, as `make_program` would make it; the places and the priors stay the same ones."""
+    return _numbered(problem, program.transcription, program.solver, followed, laws, force_std, parameters, start)
+
+
+def _numbered(
+    problem: Problem,
+    transcription: Transcription,
+    solver: Solver,
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    force_std: dict[int, float],
+    parameters: Array,
+    start: Array,
+) -> Program:
     first = start_decisions(transcription, followed, start)
-    values = _with_fine_input(transcription, first, start, transcription.nlp.values(parameters))
+    values = _with_prior(problem, transcription, _with_fine_input(transcription, first, start, transcription.nlp.values(parameters)))
     knots = [h.mesh.knots for h in transcription.horizons]
     at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
-    std = transcription.force_std
-    values = transcription.with_force_std(values, with_room(std, at_rest) / std[:, None] * input_spread(problem, transcription))
+    std, made = np.array([force_std[k] for k in transcription.soft]), transcription.force_std
+    values = transcription.with_force_std(values, with_room(std, at_rest) / made[:, None] * input_spread(problem, transcription))
     lower, upper = decision_bounds(problem, transcription)
     return Program(
         transcription=transcription,
@@ -112,13 +137,27 @@ def make_program(
 
 
 def _transcribe(problem: Problem, horizons: Sequence[Horizon], force_std: dict[int, float], settings: Settings) -> Transcription:
-    free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
-    known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
-    prior = ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
+    prior = _prior(problem)
     # without residual forces every balance is a constraint, which is what collocation is for
     method = settings.method if settings.method != "auto" else "spline" if force_std else "collocation"
     degree = settings.degree or (2 if method == "spline" else 3)
     return transcribe(problem.dae, horizons, free=problem.free, prior=prior, force_std=force_std, method=method, degree=degree)
+
+
+def _prior(problem: Problem) -> ParameterPrior:
+    free = [problem.parameters[problem.dae.parameters[i].name] for i in problem.free]
+    known = [f.std if isinstance(f, Free) and f.std is not None else np.inf for f in free]
+    return ParameterPrior(mean=problem.values[list(problem.free)], std=np.array(known, dtype=np.float64))
+
+
+def _with_prior(problem: Problem, transcription: Transcription, values: Values) -> Values:
+    """The numbers with what the problem knows of the parameters, which is what the program was made for or the same of other values."""
+    prior, terms = _prior(problem), transcription.nlp.terms
+    known = np.isfinite(prior.std)
+    is_prior = [term.name == "parameter prior" for term in terms]
+    target = tuple(prior.mean[known][:, None] if there else y for there, y in zip(is_prior, values.target, strict=True))
+    scale = tuple(1.0 / prior.std[known][:, None] if there else s for there, s in zip(is_prior, values.scale, strict=True))
+    return replace(values, target=target, scale=scale)
 
 
 def _with_fine_input(transcription: Transcription, decisions: Array, parameters: Array, values: Values) -> Values:

@@ -114,8 +114,7 @@ def with_room(force_std: Array, at_rest: Array) -> Array:
 def _strengths(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> list[float]:
     """Largest force of a law on each of its places: what the balance loses when the sign is rounded away altogether."""
     dae = problem.dae
-    row_of = {e.place: row for row, e in enumerate(dae.equations) if e.place is not None}
-    F = dae.residual[[row_of[k] for k in law.places]]
+    F = dae.residual[dae.rows_of(law.places)]
     rms = rms_velocity(problem, law, followed, parameters) or 1.0
     largest = np.zeros(len(law.places))
     for number, horizon in enumerate(followed.horizons):

@@ -31,6 +31,8 @@ LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a 
 LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
 BOLDEST = 4.0  # times the fixed point's own step, at most
 STALLED = 1e-6  # relative change of the cost over a whole round: what is left is rounding
+NOTHING = 0.1  # sum of squares that a family costs when no one can tell it from none, and
+CHOSEN = 0.05  # the share of its rows that the fit chooses then, at most
 FARTHEST = 30.0  # largest factor of one round
 
 
@@ -121,7 +123,10 @@ class Family:
 
     def step(self, solution: Solution) -> float:
         """Move towards ratio = 1; returns the size of the move."""
-        wanted = float(np.log(_ratio(solution, self.term, self.row, self.columns)))
+        ratio, exact = _ratio(solution, self.term, self.row, self.columns)
+        if self.term != "samples" and exact:
+            return 0.0  # less room would change nothing
+        wanted = float(np.log(ratio))
         move = wanted
         if self._last is not None and self.log != self._last[0]:
             slope = (wanted - self._last[1]) / (self.log - self._last[0])
@@ -152,8 +157,11 @@ def _weighted(values: Values, transcription: Transcription, at_rest: Array, forc
     return replace(values, scale=scale)
 
 
-def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> float:
-    """Factor by which the standard deviation of family i of a term should change."""
+def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> tuple[float, bool]:
+    """Factor by which the standard deviation of family i of a term should change, and whether its rows are zero all but exactly.
+
+    Rows that the fit cannot choose, and yet cost nothing, are those of an equation that holds as it stands.
+    """
     number = solution.term(term)
     families = len(solution.transcription.dae.outputs) if term == "samples" else len(solution.transcription.soft)
     scale = solution.values.scale[number][i::families]
@@ -163,5 +171,7 @@ def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> float
     else:
         squares = float(np.sum(solution.rows[number][i::families][there] ** 2))
         freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
-    freedom = max(freedom, LEAST_FREEDOM * np.count_nonzero(there))
-    return float(np.sqrt(max(squares, 1e-12 * freedom) / freedom))
+    count = np.count_nonzero(there)
+    exact = bool(freedom > (1.0 - CHOSEN) * count and squares < NOTHING)
+    freedom = max(freedom, LEAST_FREEDOM * count)
+    return float(np.sqrt(max(squares, 1e-12 * freedom) / freedom)), exact

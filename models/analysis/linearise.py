@@ -145,7 +145,7 @@ def linearise(
     function = ca.Function(
         "slopes",
         [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t],
-        [ca.densify(ca.substitute(e, dae.w, ca.SX.zeros(dae.w.shape[0]))) for e in parts],
+        [ca.densify(dae.undisturbed(e)) for e in parts],
     )
     F_y, F_m, h_y, h_m = (np.asarray(value.full(), dtype=np.float64) for value in function(*point.columns()))
     try:

@@ -61,7 +61,7 @@ def operating_point(
     start = _Start(dae, {**(x or {}), **(z or {})}, u or {})
     unknown = ca.vertcat(dae.dx, dae.z)
     given = np.hstack([start.x, start.u, values, np.array([t])])
-    rows = ca.substitute(dae.residual, dae.w, 0 * dae.w)
+    rows = dae.undisturbed(dae.residual)
     newton = _Newton(unknown, ca.vertcat(dae.x, dae.u, dae.p, dae.t), rows)
     found = newton.solve(np.concatenate([np.zeros(len(start.x)), start.z]), given)
     remainder = newton.remainder(found, given)
@@ -107,7 +107,7 @@ def equilibrium(
     symbols = [dae.dx, dae.x, dae.z, dae.u]
     chosen = [(0, i) for i in cyclic] + [(1, i) for i in free_x] + [(2, i) for i in free_z] + [(3, i) for i in free_u]
     unknown = ca.vertcat(*(symbols[k][i] for k, i in chosen)) if chosen else ca.SX(0, 1)
-    rows = ca.substitute(ca.vertcat(dae.residual, dae.invariants), dae.w, 0 * dae.w)
+    rows = dae.undisturbed(ca.vertcat(dae.residual, dae.invariants))
     newton = _Newton(unknown, ca.vertcat(*symbols, dae.p, dae.t), rows)
     full = [np.zeros(len(start.x)), start.x.copy(), start.z.copy(), start.u.copy()]
     for sharper in _widths(dae, values, parameters or {}):

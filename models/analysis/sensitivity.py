@@ -89,7 +89,7 @@ class Laboratory:
         known = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
         p = ca.vertcat(*(dae.p[i] for i in self.chosen)) if self.chosen else ca.SX(0, 1)
         self._p = p
-        residual, output, invariants = (ca.substitute(e, dae.w, 0 * dae.w) for e in (dae.residual, dae.output, dae.invariants))
+        residual, output, invariants = (dae.undisturbed(e) for e in (dae.residual, dae.output, dae.invariants))
 
         def function(rows: Any, *by: Any) -> Any:
             parts = [rows, *(ca.jacobian(rows, column) for column in by)]

@@ -99,7 +99,7 @@ def _solved(dae: Dae, x: MX, u: MX, p: MX, t: MX) -> tuple[MX, MX, MX]:
     """x', z and y as functions of x, u, p, t."""
     unknown = ca.vertcat(dae.dx, dae.z)
     known = ca.vertcat(dae.x, dae.u, dae.p, dae.t)
-    residual, output = (ca.substitute(e, dae.w, ca.SX.zeros(dae.w.shape[0])) for e in (dae.residual, dae.output))
+    residual, output = (dae.undisturbed(e) for e in (dae.residual, dae.output))
     guess = ca.DM([0.0] * len(dae.states) + [q.start for q in dae.algebraics])
     newton = ca.rootfinder("highest", "fast_newton", {"x": unknown, "p": known, "g": residual}, {"max_iter": 50, "abstol": 1e-13})
     given = ca.vertcat(x, u, p, t)

@@ -105,7 +105,7 @@ def unswitched(dae: Dae, values: Array) -> Switched:
 
 
 def _put(dae: Dae, expression: SX, values: Array) -> SX:
-    return ca.substitute(ca.substitute(expression, dae.w, ca.SX.zeros(dae.w.shape[0])), dae.p, ca.DM(values))
+    return ca.substitute(dae.undisturbed(expression), dae.p, ca.DM(values))
 
 
 class _Classified:

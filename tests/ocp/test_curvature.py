@@ -6,8 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from examples import K, compiled, lagged, number, oscillator, random_horizon, stiffening
+import truths
+from examples import OFFSET, D, K, M, compiled, lagged, number, oscillator, random_horizon, stiffening
+from linear_runs import ALL_FREE, STD, STEP, many, problem
 
+from backsight.estimation import Free, Weights
+from backsight.estimation.smoothing.program import Settings
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
@@ -169,6 +173,92 @@ def test_what_the_data_leave_open_is_named_and_all_else_has_the_variance_of_the_
         np.testing.assert_array_equal(np.isinf(variance), is_open[here])
         size_here = expected[here].max()
         np.testing.assert_allclose(variance[~is_open[here]], expected[here][~is_open[here]], rtol=1e-3, atol=1e-8 * size_here)
+
+
+def in_units(solution: Solution, decades: float) -> Curvature:
+    """The curvature at the same point, computed in units that differ by so many decades to either side."""
+    unit = 10 ** np.random.default_rng(8).uniform(-decades, decades, solution.values.unit.size)
+    return found(replace(solution, values=replace(solution.values, unit=unit)))
+
+
+@pytest.mark.parametrize("soft", [True, False], ids=["soft", "hard"])
+@pytest.mark.parametrize(("method", "degree"), [("spline", 2), ("spline", 3), ("spline", 4), ("collocation", 3)])
+@pytest.mark.parametrize("name", MODELS)
+def test_what_is_determined_is_so_in_all_units(name, method, degree, soft):
+    t = program(name, method, degree=degree, soft=soft, horizons=2)
+    solution = at_a_point(t)
+    n = t.nlp.trajectory_size
+    expected = dense(t, solution)[0][n:, n:]
+    size = np.sqrt(np.diag(expected))
+    for decades in (2, 6):
+        c = in_units(solution, decades)
+        assert not len(c.null)
+        np.testing.assert_allclose(c.parameter_covariance / np.outer(size, size), expected / np.outer(size, size), atol=1e-5)
+
+
+@pytest.mark.parametrize(("method", "degree"), [("spline", 2), ("spline", 3), ("collocation", 2), ("collocation", 3)])
+@pytest.mark.parametrize("soft", [True, False], ids=["soft", "hard"])
+@pytest.mark.parametrize("horizons", [1, 2])
+@pytest.mark.parametrize("case", OPEN)
+def test_what_the_data_leave_open_is_found_in_all_units(case, horizons, soft, method, degree):
+    """Free directions are counted by hand (`OPEN`), and the parameters that move along one are known with them."""
+    name, made, free, fixed, dimensions = OPEN[case]
+    dae = MODELS[name]
+    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
+    force_std = {0: 0.5} if soft else {}
+    t = transcribe(dae, made(horizons), free=number(dae, *free), prior=nothing, force_std=force_std, method=method, degree=degree)
+    solution = at_a_point(t, tuple(0.5 + np.arange(len(free))))
+    parameters = np.array([fixed.get(p.name, p.value) for p in dae.parameters])
+    solution = replace(solution, values=replace(solution.values, parameters=parameters))
+    are_open = [(p != "damper.d" and case == "two forces of which only the sum acts") or p == "spring.s_rel0" for p in free]
+    determined = []
+    for decades in (0, 4, 6):
+        c = in_units(solution, decades)
+        assert len(c.null) == dimensions[horizons - 1]
+        names = [dae.parameters[i].name for i in t.nlp.free]
+        np.testing.assert_array_equal(np.isinf(c.parameter_variance), [are_open[free.index(p)] for p in names])
+        determined.append(c.parameter_variance[np.isfinite(c.parameter_variance)])
+    np.testing.assert_allclose(determined[1:], [determined[0]] * 2, rtol=1e-6)
+
+
+def coloured(kind: str, y: np.ndarray, offset_std: float) -> np.ndarray:
+    """Variances (n, 2) of position and velocity by a Kalman smoother; the coloured force and the offset are states of it.
+
+    Start deviations of all states are VAGUE there, so that force and offset are counted in the units in which that is theirs.
+    """
+    rms, tau, plant = 0.3, 0.1, truths.Plant(m=M, d=D, k=K, offset=OFFSET)
+    rate = {"ou": 1 / tau, "matern": np.sqrt(3) / tau}[kind]
+    A = plant.matrices[0]
+    shape = np.array([[-rate]]) if kind == "ou" else np.array([[0, 1], [-(rate**2), -2 * rate]])
+    size = np.array([rms]) if kind == "ou" else np.array([rms, rms * rate])
+    n = 2 + len(shape) + 1
+    whole, G = np.zeros((n, n)), np.zeros((n, 1))
+    whole[:2, :2], whole[2:-1, 2:-1] = A, shape
+    whole[1, 2], whole[1, -1] = 1 / M, -1 / M
+    G[n - 2] = rms * (np.sqrt(2 * rate) if kind == "ou" else 2 * rate**1.5)
+    unit = np.concatenate([np.ones(2), size / VAGUE, [offset_std / VAGUE]])
+    whole, G = whole * unit / unit[:, None], G / unit[:, None]
+    time, C, inputs = STEP * np.arange(len(y)), np.eye(1, n), np.zeros((n, 1))
+    found = truths.smoothed(
+        whole, inputs, G, C, time=time, u=np.zeros((len(y), 1)), y=y[:, None], std=np.full((len(y), 1), STD), density=1.0, vague=VAGUE
+    )
+    return np.diagonal(found[1], axis1=1, axis2=2)[:, :2]
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4])
+@pytest.mark.parametrize("kind", ["ou", "matern"])
+@pytest.mark.parametrize("free", [{}, {"offset.f": Free(OFFSET, std=0.1)}, ALL_FREE], ids=["start-alone", "prior", "all-free"])
+def test_exact_balances_with_an_interval_to_every_sample_leave_nothing_open(free, kind, degree):
+    """The force is a state of its own, so that every balance is a constraint, and bubbles move far for what they are seen by."""
+    rng = np.random.default_rng(4)
+    y = many(120, 1, rng)[0] + STD * rng.normal(size=120)
+    weights = Weights(W={"mass": 0.3}, tau={"mass": 0.1}, kind={"mass": kind})
+    _, solution = problem(y, settings=Settings(step=STEP, degree=degree), parameters=free, weights=weights)
+    assert solution.determined
+    assert np.isfinite(found(solution).parameter_variance).all()
+    if free is not ALL_FREE:
+        expected = coloured(kind, y, 0.1 if free else 1e-9)
+        np.testing.assert_allclose(solution.sampled(0).states_std[:, :2] ** 2, expected, rtol=0.05)
 
 
 def test_a_null_direction_is_the_combination_that_changes_nothing():

@@ -1,0 +1,168 @@
+"""Least squares within bounds by Gauss-Newton steps: programs whose every equation may have a residual.
+
+    (J'J) s = -J'r        | H   B | |s|     |g|
+                          | B'  C | |q| = - |h|        H block-tridiagonal along time, q the parameters
+
+A decision that is on a bound with a gradient that pushes it outwards stays there; the step of the others is projected on the bounds and
+halved until the cost falls as its slope promises (D. P. Bertsekas, Projected Newton methods for optimization problems with simple
+constraints, SIAM J. Control Optim. 20, 1982). The work of a step is linear in the length of the record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocktridiagonal import factor
+from .nlp import Nlp, Values
+from .polynomials import Array
+
+SUFFICIENT = 1e-4  # share of the slope's promise that a step must keep
+SHORTEST = 1e-10  # step length at which the cost is rounding
+ROUNDED = 1e-14  # of the cost: a promise that rounding hides
+STILL = 1e-8  # relative change of the cost that makes a gradient of 1e3 tolerances acceptable
+RIDGE = 1e-12  # of the diagonal, where it is not definite; a thousand times as much each time
+RIDGES = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Descent:
+    """X (n + np,), its cost, steps taken, and whether it is stationary: to the tolerance, or as far as the cost's rounding tells."""
+
+    X: Array
+    cost: float
+    iterations: int
+    solved: bool
+    acceptable: bool
+    finite: bool = True
+
+
+def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float, limit: int) -> Descent:
+    """From X = 0, or what is nearest to it within the bounds (n + np,), to where the projected gradient is below the tolerance."""
+    if nlp.constraint_count:
+        raise ValueError(f"descend(nlp=...) is for programs without constraints; this one has {nlp.constraint_count}.")
+    evaluated = nlp.assembled.evaluated
+    X = np.clip(np.zeros(nlp.size), lower, upper)
+    cost = evaluated.cost(X, values)
+    still = False
+    for iteration in range(limit + 1):
+        if not np.isfinite(cost):
+            return Descent(X=X, cost=cost, iterations=iteration, solved=False, acceptable=False, finite=False)
+        parts = [evaluated.linearised(number, X, values) for number in range(len(nlp.terms))]
+        g = evaluated.gradient(parts)
+        slope = float(np.max(np.abs(X - np.clip(X - g, lower, upper)), initial=0.0))
+        solved, acceptable = slope <= tolerance, still and slope <= 1e3 * tolerance
+        if solved or acceptable or iteration == limit:
+            return Descent(X=X, cost=cost, iterations=iteration, solved=solved, acceptable=acceptable)
+        held = ((lower >= X) & (g > 0)) | ((upper <= X) & (g < 0))
+        s = _step(nlp, evaluated.squares(parts), g, held)
+        if s is None:
+            return Descent(X=X, cost=cost, iterations=iteration, solved=False, acceptable=False, finite=False)
+        length, promise = 1.0, float(g @ s)
+        if -promise <= ROUNDED * cost:
+            return Descent(X=X, cost=cost, iterations=iteration, solved=False, acceptable=True)
+        while True:
+            there = np.clip(X + length * s, lower, upper)
+            then = evaluated.cost(there, values)
+            if np.isfinite(then) and then <= cost + SUFFICIENT * length * promise:
+                break
+            if length < SHORTEST or -length * promise <= ROUNDED * cost:
+                return Descent(X=X, cost=cost, iterations=iteration, solved=False, acceptable=slope <= 1e3 * tolerance)
+            length = _shorter(cost, promise, length, then)
+        still = cost - then <= STILL * max(abs(cost), 1.0)
+        X, cost = there, then
+    raise RuntimeError("the limit of iterations is checked in the loop")
+
+
+def _shorter(cost: float, promise: float, length: float, then: float) -> float:
+    """Where the parabola through the cost, its slope and the cost at `length` is least, between a tenth and a half of it."""
+    if not np.isfinite(then):
+        return length / 10
+    bend = then - cost - length * promise
+    best = -promise * length**2 / (2 * bend) if bend > 0 else length / 2
+    return float(np.clip(best, 0.1 * length, 0.5 * length))
+
+
+def _step(nlp: Nlp, squares: Array, g: Array, held: Array) -> Array | None:
+    """The Gauss-Newton step with some decisions held; None where the matrix cannot be made definite."""
+    n, at = nlp.trajectory_size, knots_and_interiors(nlp)
+    diagonal, lower, border, corner = at.arranged(squares)
+    free = at.of(np.where(held[:n], 0.0, 1.0), 0.0)
+    unit = free / np.sqrt(_positive(np.einsum("kii->ki", diagonal)))  # of every unknown its own: a unit diagonal
+    size = np.where(held[n:], 0.0, 1.0) / np.sqrt(_positive(np.diag(corner)))
+    diagonal *= unit[:, :, None] * unit[:, None, :]
+    lower *= unit[1:, :, None] * unit[:-1, None, :]
+    border *= unit[:, :, None] * size
+    corner = size[:, None] * corner * size
+    gone = (free == 0) | (np.einsum("kii->ki", diagonal) == 0)
+    k, i = np.nonzero(gone)
+    diagonal[k, i, i] = 1.0
+    rhs, h = -unit * at.of(g[:n], 0.0), -size * g[n:]
+    every = np.arange(diagonal.shape[1])
+    for ridge in (0.0, *(RIDGE * 1e3**k for k in range(RIDGES))):
+        damped = diagonal.copy()
+        damped[:, every, every] += ridge
+        try:
+            solved = factor(damped, lower).solve(np.concatenate([rhs[:, :, None], border], axis=2))
+            S = corner - np.einsum("kbi,kbj->ij", border, solved[:, :, 1:]) + np.diag(np.where(held[n:], 1.0, max(ridge, RIDGE)))
+            q = np.linalg.solve(S, h - np.einsum("kbi,kb->i", border, solved[:, :, 0]))
+        except np.linalg.LinAlgError:
+            continue
+        s = np.concatenate([at.back(unit * (solved[:, :, 0] - solved[:, :, 1:] @ q)), size * q])
+        if np.all(np.isfinite(s)) and g @ s <= 0:
+            return s
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """Trajectories in blocks: [x(t_i) | interior_i] of every interval, and x at the end of every horizon, padded.
+
+    first (N,): block of every interval; the next one begins with its right knot. where (blocks, b): decision index, -1 for padding.
+    """
+
+    first: NDArray[np.int64]
+    where: NDArray[np.int64]
+    states: int
+    size: int
+
+    def of(self, trajectory: Array, padding: float) -> Array:
+        """A vector (n,) in blocks (blocks, b)."""
+        return np.asarray(np.where(self.where >= 0, trajectory[self.where], padding), dtype=np.float64)
+
+    def back(self, blocks: Array) -> Array:
+        """The vector (n,) of blocks."""
+        out = np.empty(self.size)
+        out[self.where[self.where >= 0]] = blocks[self.where >= 0]
+        return out
+
+    def arranged(self, squares: Array) -> tuple[Array, Array, Array, Array]:
+        """Diagonal and lower blocks, border and corner of the sum of the intervals' matrices (N, local + np, local + np)."""
+        count, b = self.where.shape
+        nx, here, there = self.states, self.first, self.first + 1
+        local = b + nx
+        diagonal, lower = np.zeros((count, b, b)), np.zeros((count - 1, b, b))
+        border = np.zeros((count, b, squares.shape[1] - local))
+        diagonal[here] = squares[:, :b, :b]
+        diagonal[there, :nx, :nx] += squares[:, b:local, b:local]
+        lower[here, :nx] = squares[:, b:local, :b]
+        border[here] = squares[:, :b, local:]
+        border[there, :nx] += squares[:, b:local, local:]
+        return diagonal, lower, border, squares[:, local:, local:].sum(axis=0)
+
+
+def knots_and_interiors(nlp: Nlp) -> Places:
+    """The blocks of a program."""
+    nx, b, index = nlp.interpolation.states, nlp.interpolation.local - nlp.interpolation.states, nlp.index
+    ends = np.concatenate([index[0, 1:] != index[b, :-1], [True]])  # intervals after which a horizon ends
+    first = np.arange(index.shape[1]) + np.concatenate([[0], np.cumsum(ends)[:-1]])
+    where = np.full((int(first[-1]) + 2, b), -1, dtype=np.int64)
+    where[first] = index[:b].T
+    where[first[ends] + 1, :nx] = index[b:, ends].T
+    return Places(first=first, where=where, states=nx, size=nlp.trajectory_size)
+
+
+def _positive(diagonal: Array) -> Array:
+    return np.where(diagonal > 0, diagonal, 1.0)

@@ -1,0 +1,38 @@
+"""How large the forces are along trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation import Problem, Recording
+from backsight.estimation.smoothing.along import along, forces
+from backsight.estimation.smoothing.horizons import output_stds
+from backsight.estimation.smoothing.meshing import follow_closely
+from backsight.models.plants import actuator
+
+A, OMEGA, M, D = 0.1, 2 * np.pi, 95.0, 200.0
+
+
+def followed(mass: float):
+    """An axis that swings A sin(omega t), sampled without noise."""
+    t = np.linspace(0.0, 4.0, 2001)
+    recording = Recording(name="swing", time=t, inputs={"F": 0.0 * t}, outputs={"x": A * np.sin(OMEGA * t)}, output_std={"x": 1e-6})
+    given = {"carriage.m": mass, "friction.d": D, "friction.f_c": 0.0, "offset.f": 0.0}
+    problem = Problem(model=actuator(), recordings=[recording], parameters=given)
+    stds, _ = output_stds(problem)
+    return problem, follow_closely(problem, stds, None)
+
+
+@pytest.mark.parametrize("mass", [M, 1.0])
+def test_the_largest_term_of_a_balance_counts(mass):
+    problem, trajectories = followed(mass)
+    inertia, drag = mass * A * OMEGA**2 / np.sqrt(2), D * A * OMEGA / np.sqrt(2)
+    assert forces(problem, trajectories, problem.values)[0] == pytest.approx(max(inertia, drag), rel=0.01)
+
+
+def test_an_expression_is_evaluated_along_the_trajectory():
+    problem, trajectories = followed(M)
+    times = np.linspace(0.5, 3.5, 50)
+    v = along(problem.dae, problem.dae.x[1], trajectories, 0, times, problem.values)
+    np.testing.assert_allclose(v[0], A * OMEGA * np.cos(OMEGA * times), atol=1e-3 * A * OMEGA)

@@ -1,0 +1,91 @@
+"""From loose to tight balances: guesses a factor three off come home, whatever the plant."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from backsight.data.generators import actuator, five_bar, quadrotor, xy_table
+from backsight.estimation import Free, Problem, Recording
+from backsight.estimation.smoothing.approach import SHARES, Approach, approach
+from backsight.estimation.smoothing.horizons import output_stds
+from backsight.estimation.smoothing.meshing import follow_closely
+from backsight.estimation.smoothing.rest import friction_laws, smoothing_widths
+from backsight.models.plants import PLANTS
+
+OFF = 3.0
+FREE = {
+    "actuator": ("carriage.m", "friction.d", "friction.f_c"),
+    "xy_table": ("spindle.k", "drive_1.J", "drive_3.J", "friction_1.tau_c", "friction_3.tau_c"),
+    "five_bar": ("P_1", "P_4", "P_5", "P_6"),
+    "quadrotor": ("body.Ixx", "body.Iyy", "body.Izz", "rotor.tau", "rotor.gain"),
+}
+
+
+def problem_of(name: str, generator: ModuleType, duration: float, seed: int, **fixed: float) -> tuple[Problem, dict[str, float]]:
+    """A closed-loop recording of the independent simulator, every parameter guessed three times too large or too small."""
+    run = generator.record(seed=seed, conditions=replace(generator.CONDITIONS, duration=duration))
+    recording = Recording(name=name, time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
+    model, factor = PLANTS[name](), OFF ** (1 if seed % 2 else -1)  # one for all: bodies stay bodies
+    truth = {p.name: p.value for p in Problem(model=model, recordings=[recording]).dae.parameters}
+    guesses = {p: Free(truth[p] * factor, min=0.0) for p in FREE[name]}
+    return Problem(model=model, recordings=[recording], parameters={**guesses, **fixed}), truth
+
+
+def approached(problem: Problem) -> Approach:
+    stds, _ = output_stds(problem)
+    followed, laws, start = follow_closely(problem, stds, None), friction_laws(problem), problem.values
+    for index, width in smoothing_widths(problem, laws, followed).items():
+        start[index] = width
+    return approach(problem, followed, laws, start, {}, lambda _: None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "generator", "duration"),
+    [("actuator", actuator, 4.0), ("xy_table", xy_table, 1.2), ("five_bar", five_bar, 4.0), ("quadrotor", quadrotor, 10.0)],
+)
+@pytest.mark.parametrize("seed", [11, 12])
+def test_guesses_three_times_off_come_home_before_any_weight_is_chosen(name, generator, duration, seed):
+    problem, truth = problem_of(name, generator, duration, seed)
+    way = approached(problem)
+    found = {p.name: float(v) for p, v in zip(problem.dae.parameters, way.parameters, strict=True)}
+    assert {p: found[p] / truth[p] for p in FREE[name]} == pytest.approx(dict.fromkeys(FREE[name], 1.0), abs=0.15)
+
+
+def test_it_ends_where_balances_are_tight_and_trajectories_meet_the_samples():
+    problem, _ = problem_of("actuator", actuator, 3.0, 5)
+    way = approached(problem)
+    assert way.share == SHARES[-1]
+    (horizon,) = way.followed.horizons
+    _, x, _ = way.followed.at(0, horizon.time)
+    noise = problem.fitted[0].output_std["x"]
+    assert np.sqrt(np.mean((x[0] - horizon.target[:, 0]) ** 2)) < 1.5 * noise
+
+
+def test_a_width_that_the_user_gave_stays():
+    problem, _ = problem_of("actuator", actuator, 2.0, 5, **{"friction.width": 0.02})
+    way = approached(problem)
+    width = [p.name for p in problem.dae.parameters].index("friction.width")
+    assert way.parameters[width] == 0.02
+
+
+def test_a_residual_force_gets_no_less_room_than_it_is_given():
+    problem, _ = problem_of("actuator", actuator, 2.0, 5)
+    stds, _ = output_stds(problem)
+    followed, laws = follow_closely(problem, stds, None), friction_laws(problem)
+    way = approach(problem, followed, laws, problem.values, {0: 123.0}, lambda _: None)
+    assert way.force_std[0] == 123.0
+
+
+def test_a_model_that_lacks_a_strong_force_stops_before_it_bends_to_the_samples():
+    """A spring of 2000 N/m that the axis does not know: balances cannot be as tight as 1 % of the forces there."""
+    run = actuator.record(
+        seed=3, conditions=replace(actuator.CONDITIONS, duration=3.0), force=lambda *tqv: -2000.0 * np.asarray(tqv[1])
+    )
+    recording = Recording(name="sprung", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
+    problem = Problem(model=PLANTS["actuator"](), recordings=[recording], parameters={p: Free(20.0, min=0.0) for p in FREE["actuator"]})
+    assert approached(problem).share > SHARES[-1]

@@ -1,0 +1,159 @@
+"""Models of three recorded machines, declared from components of the library: the plants of `real_sets.py`.
+
+double_pendulum    two links under gravity, a geared drive with friction at either joint
+turned_joint       one joint of an arm while the others are held: friction, which may grow with the load, gravity, inertia
+flexible_stage     a geared hub that carries a flexible link, whose strain gauge may lag
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from backsight.models import Component, Equation, Model, Parameter, Rotational, SignalInput, Variable, equal
+from backsight.models.mechanics.planar import FixedTranslation, FrameFixed, MomentBody, Revolute, World
+from backsight.models.mechanics.rotational import (
+    AngleSensor,
+    ConstantTorque,
+    Inertia,
+    RotationalFixed,
+    RotationalFriction,
+    RotationalLoadDependentFriction,
+    RotationalSpringDamper,
+    Torque,
+)
+from backsight.models.signals import Lag
+
+
+class GearedMotor(Component):
+    """A motor behind a gear, at the gear's slow side.   flange.tau = -tau,   tau = k i
+
+    Variables:  tau [N.m] torque on the flange
+    Signals:    i [A] current (input)
+    Connectors: flange
+    Parameters: k [N.m/A] torque at the flange per current, 1 by default
+    """
+
+    tau = Variable("N.m", description="torque on the flange")
+    i = SignalInput("A", description="current")
+    flange = Rotational()
+    k = Parameter("N.m/A", 1.0, description="torque at the flange per current")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"motor law": equal(c.tau, c.k * c.i), "torque": equal(c.flange.tau, -c.tau)}
+
+
+def double_pendulum(length: float, mass: float) -> Model:
+    """Inputs tau_1, tau_2 [N.m] at the joints; outputs q_1 from hanging and q_2 against link 1 [rad].
+
+    length [m] of link 1; mass [kg] of link 2, which only adds m_2 l_1 and m_2 l_1^2 to the moments of link 1. Inertias of the rotors are
+    in those of the links.
+    """
+    return Model(
+        name="double_pendulum",
+        components={
+            "world": World(tilt=pi / 2),
+            "base": FrameFixed(),
+            "shoulder": Revolute(),
+            "link_1": MomentBody(m=1.0, m_y=-0.15, J=0.05),
+            "rod_1": FixedTranslation(r_y=-length),
+            "elbow": Revolute(),
+            "link_2": MomentBody(m=mass, m_y=-0.1, J=0.02),
+            "motor_1": Torque(),
+            "motor_2": Torque(),
+            "friction_1": RotationalFriction(),
+            "friction_2": RotationalFriction(),
+            "ground": RotationalFixed(),
+            "encoder_1": AngleSensor(),
+            "encoder_2": AngleSensor(),
+        },
+        connections=[
+            ("base.frame", "shoulder.frame_a"),
+            ("shoulder.frame_b", "link_1.frame"),
+            ("link_1.frame", "rod_1.frame_a"),
+            ("rod_1.frame_b", "elbow.frame_a"),
+            ("elbow.frame_b", "link_2.frame"),
+            ("motor_1.flange", "shoulder.axis"),
+            ("motor_2.flange", "elbow.axis"),
+            ("friction_1.flange_a", "shoulder.axis"),
+            ("friction_1.flange_b", "ground.flange"),
+            ("friction_2.flange_a", "elbow.axis"),
+            ("friction_2.flange_b", "ground.flange"),
+            ("encoder_1.flange", "shoulder.axis"),
+            ("encoder_2.flange", "elbow.axis"),
+        ],
+        inputs={"tau_1": "motor_1.tau", "tau_2": "motor_2.tau"},
+        outputs={"q_1": "encoder_1.phi", "q_2": "encoder_2.phi"},
+        residuals=("shoulder", "elbow"),
+    )
+
+
+def turned_joint(gain: float, loaded: bool = False) -> Model:
+    """Input i [A]; output q [rad]. A vertical plane, positive angles turn downwards.
+
+    gain [N.m/A] of motor and gear at the joint; loaded: the gear's friction grows with the torque that it transmits.
+    """
+    teeth = {"teeth": RotationalLoadDependentFriction(mu=0.05, load_width=1.0)} if loaded else {}
+    meshing = [("teeth.flange_a", "joint.axis"), ("teeth.flange_b", "ground.flange"), ("motor.tau", "teeth.load")] if loaded else []
+    return Model(
+        name="turned_joint",
+        components={
+            "world": World(tilt=pi / 2, direction=pi / 2),
+            "base": FrameFixed(),
+            "joint": Revolute(),
+            "arm": MomentBody(),
+            "motor": GearedMotor(k=gain),
+            "friction": RotationalFriction(),
+            "offset": ConstantTorque(),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+            **teeth,
+        },
+        connections=[
+            ("base.frame", "joint.frame_a"),
+            ("joint.frame_b", "arm.frame"),
+            ("motor.flange", "joint.axis"),
+            ("friction.flange_a", "joint.axis"),
+            ("friction.flange_b", "ground.flange"),
+            ("offset.flange_a", "joint.axis"),
+            ("offset.flange_b", "ground.flange"),
+            ("encoder.flange", "joint.axis"),
+            *meshing,
+        ],
+        inputs={"i": "motor.i"},
+        outputs={"q": "encoder.phi"},
+        residuals=("joint",),
+    )
+
+
+def flexible_stage(gain: float, lag: float = 0.0) -> Model:
+    """Input i [A]; outputs hub [rad] and the tip's deflection against it [rad].
+
+    gain [N.m/A] of motor and gear at the hub; lag [s] of the strain gauge's filter, 0: none.
+    """
+    stage = Model(
+        name="flexible_stage",
+        components={
+            "motor": GearedMotor(k=gain),
+            "hub": Inertia(J=0.1),
+            "friction": RotationalFriction(),
+            "offset": ConstantTorque(),
+            "link": RotationalSpringDamper(k=30.0),
+            "tip": Inertia(J=0.1),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("motor.flange", "hub.flange"),
+            ("encoder.flange", "hub.flange"),
+            ("hub.flange", "friction.flange_a"),
+            ("friction.flange_b", "ground.flange"),
+            ("hub.flange", "offset.flange_a"),
+            ("offset.flange_b", "ground.flange"),
+            ("tip.flange", "link.flange_a"),
+            ("link.flange_b", "hub.flange"),
+        ],
+        inputs={"i": "motor.i"},
+        outputs={"hub": "encoder.phi", "deflection": "link.phi_rel"},
+    )
+    return stage.insert("sensor:deflection", Lag(tau=lag), name="filter") if lag else stage
