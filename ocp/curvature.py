@@ -44,10 +44,10 @@ from .polynomials import Array
 
 Index = NDArray[np.int64]
 
-# Known null directions come out below 1e-15 in every unit, the least of what is determined near 3e-12 (four hundred intervals of which one
-# is ten thousand times longer than another) and commonly above 1e-6.
+# Known null directions come out below 1e-15 in every unit, the least of what is determined near 2e-13 (a gantry with friction, three
+# thousand intervals and nearly exact balances) and commonly above 1e-6.
 EPS = float(np.finfo(np.float64).eps)
-ROUNDING = 2.0**12 * EPS
+ROUNDING = 2.0**6 * EPS
 # Each halves the decades by which the largest entries of rows differ.
 SWEEPS = 6
 

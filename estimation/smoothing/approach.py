@@ -3,7 +3,7 @@
 A balance that may be off by as much as its own largest force binds nothing, one that may not be off at all binds guesses that are wrong.
 So the residual forces get room for a share of the forces at their place, white from interval to interval,
 
-    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.3, 0.1, 0.03, 0.01 (1, 0.1, 0.01 where all is seen)
+    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.3, 0.1, 0.03, 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
 velocity. A parameter is held near its first guess by a prior twice as wide as that, so that none runs away while little is known.
@@ -101,9 +101,9 @@ def _descent(
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
     count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
-    near, seen = _near(problem), not unseen_states(problem)
+    near = _near(problem)
     best, way, program, size = np.inf, None, None, dict[int, float]()
-    for share in SHARES[::2] if seen else SHARES:
+    for share in SHARES:
         rounded = _rounded(problem, followed, laws, parameters, share)
         now = forces(problem, followed, rounded)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}

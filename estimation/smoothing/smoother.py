@@ -36,6 +36,7 @@ Stds = list[dict[str, float]]
 
 MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mesh is chosen anew
 ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the way
+RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -60,18 +61,26 @@ def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) 
     followed = follow_closely(plain, stds, settings.step)
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
-    start = parameters.copy()
+    start, floor = parameters.copy(), dict[int, float]()
     if plain.free or unseen_states(plain):
         least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
         begun = approach(plain, followed, laws, start, least, say)
         followed, start, force_std = begun.followed, begun.parameters, begun.force_std
+        floor = {k: RIGID * std / begun.share for k, std in force_std.items()}
     else:
         force_std = balance(plain, followed, start).force_std
     for index, width in smoothing_widths(plain, laws, followed).items():
         parameters[index] = start[index] = width
     parameters = measured_by(problem, parameters, start)
     work = _Work(
-        problem=problem, settings=settings, laws=laws, parameters=parameters, given=given, open_outputs=tuple(open_outputs), say=say
+        problem=problem,
+        settings=settings,
+        laws=laws,
+        parameters=parameters,
+        given=given,
+        open_outputs=tuple(open_outputs),
+        say=say,
+        floor=floor,
     )
     followed = lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}
@@ -108,6 +117,7 @@ class _Work:
     """What stays the same over all meshes of a run.
 
     parameters (np_all,): guesses, fixed values and widths; given: place -> std of W; open_outputs: per recording, whose noise nobody gave.
+    floor: place -> std of a residual force so small that no machine's balance is as good.
     """
 
     problem: Problem
@@ -117,6 +127,7 @@ class _Work:
     given: Mapping[int, float]
     open_outputs: tuple[set[str], ...]
     say: Callable[[str], None]
+    floor: Mapping[int, float]
 
     def meshed(self, followed: Followed, stds: Stds, force_std: dict[int, float], parameters: Array) -> Meshed:
         """Meshes for these weights."""
@@ -138,7 +149,7 @@ class _Work:
             program.at_rest,
             [k for k in program.transcription.soft if k not in self.given],
             self.open_outputs,
-            least_std,
+            {k: max(std, self.floor.get(k, 0.0)) for k, std in least_std.items()},
             least_noise,
             self.say,
         )

@@ -31,9 +31,9 @@ LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a 
 LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
 BOLDEST = 4.0  # times the fixed point's own step, at most
 STALLED = 1e-6  # relative change of the cost over a whole round: what is left is rounding
-NOTHING = 0.1  # sum of squares that a family costs when no one can tell it from none, and
+NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
 CHOSEN = 0.05  # the share of its rows that the fit chooses then, at most
-FARTHEST = 30.0  # largest factor of one round
+FARTHEST, FARTHEST_DOWN = 30.0, 8.0  # largest factors of one round, up and down
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +132,8 @@ class Family:
             slope = (wanted - self._last[1]) / (self.log - self._last[0])
             # a slope of -1 is the fixed point's own step; towards 0 it converges ever slower, and the secant is bolder
             move = -wanted / slope if slope < -1.0 / BOLDEST else wanted * BOLDEST
-        move = float(np.clip(move, -np.log(FARTHEST), np.log(FARTHEST)))
+        # downwards in smaller steps: where an equation holds as it stands, an ever smaller number only costs digits
+        move = float(np.clip(move, -np.log(FARTHEST_DOWN), np.log(FARTHEST)))
         before, self._last = self.log, (self.log, wanted)
         self.log = max(self.log + move, self.lowest)
         return abs(self.log - before)

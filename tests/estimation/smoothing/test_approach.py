@@ -83,9 +83,7 @@ def test_a_residual_force_gets_no_less_room_than_it_is_given():
 
 def test_a_model_that_lacks_a_strong_force_stops_before_it_bends_to_the_samples():
     """A spring of 2000 N/m that the axis does not know: balances cannot be as tight as 1 % of the forces there."""
-    run = actuator.record(
-        seed=3, conditions=replace(actuator.CONDITIONS, duration=3.0), force=lambda *tqv: -2000.0 * np.asarray(tqv[1])
-    )
+    run = actuator.record(seed=3, conditions=replace(actuator.CONDITIONS, duration=3.0), force=lambda *tqv: -2000.0 * np.asarray(tqv[1]))
     recording = Recording(name="sprung", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
     problem = Problem(model=PLANTS["actuator"](), recordings=[recording], parameters={p: Free(20.0, min=0.0) for p in FREE["actuator"]})
     assert approached(problem).share > SHARES[-1]
