@@ -224,6 +224,13 @@ class Problem:
         """The parameters that drift, or that every recording has of its own."""
         return {name: free for name, free in self.parameters.items() if isinstance(free, Free) and free.varies}
 
+    def parameter_range(self, index: int) -> tuple[float, float]:
+        """Least and largest value of a parameter of the model, by its index: the physical ones and, of a free one, its own."""
+        info = self.dae.parameters[index]
+        given = self.parameters.get(info.name)
+        low, high = (given.min, given.max) if isinstance(given, Free) else (-np.inf, np.inf)
+        return max(low, info.minimum), min(high, info.maximum)
+
     @property
     def values(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         """All parameters: guesses, fixed values and the model's own."""

@@ -152,11 +152,8 @@ def _silent(_: str) -> None:
 
 
 def _within(problem: Problem, index: int, value: float) -> float:
-    """A value inside the bounds of a free parameter."""
-    info = problem.dae.parameters[index]
-    free = problem.parameters[info.name]
-    low, high = (free.min, free.max) if isinstance(free, Free) else (-np.inf, np.inf)
-    return float(np.clip(value, max(low, info.minimum), min(high, info.maximum)))
+    """A value inside the bounds of a parameter."""
+    return float(np.clip(value, *problem.parameter_range(index)))
 
 
 def _near(problem: Problem) -> Problem:

@@ -13,7 +13,7 @@ from backsight.ocp import Transcription
 from backsight.ocp.follow import Followed
 from backsight.ocp.passing import passing_through
 
-from ..problem import Free, Problem
+from ..problem import Problem
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -68,11 +68,7 @@ def start_decisions(transcription: Transcription, followed: Followed, parameters
 
 
 def _inside(problem: Problem, index: int, value: float) -> float:
-    info = problem.dae.parameters[index]
-    free = problem.parameters[info.name]
-    low, high = info.minimum, info.maximum
-    if isinstance(free, Free):
-        low, high = max(low, free.min), min(high, free.max)
+    low, high = problem.parameter_range(index)
     margin = 1e-3 * abs(problem.values[index]) + 1e-9
     return float(np.clip(value, low + (margin if np.isfinite(low) else 0.0), high - (margin if np.isfinite(high) else 0.0)))
 

@@ -176,10 +176,7 @@ def decision_bounds(problem: Problem, transcription: Transcription) -> tuple[Arr
     nlp, dae = transcription.nlp, problem.dae
     lower, upper = np.full(nlp.size, -np.inf), np.full(nlp.size, np.inf)
     for k, i in enumerate(problem.free):
-        free = problem.parameters[dae.parameters[i].name]
-        if isinstance(free, Free):
-            lower[nlp.trajectory_size + k] = max(free.min, dae.parameters[i].minimum)
-            upper[nlp.trajectory_size + k] = min(free.max, dae.parameters[i].maximum)
+        lower[nlp.trajectory_size + k], upper[nlp.trajectory_size + k] = problem.parameter_range(i)
     states = nlp.interpolation.states
     for i, q in enumerate(dae.states):
         if q.name in problem.bounds:

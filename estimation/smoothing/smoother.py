@@ -86,9 +86,9 @@ def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) 
     force_std = {**force_std, **given}
     least_noise = LEAST_NOISE * np.ones((len(stds), len(problem.dae.outputs)))
     if settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
-        rough, stds_then = work.roughly(followed, stds, force_std, start, least_noise), stds
+        rough = work.roughly(followed, stds, force_std, start, least_noise)
         if rough is not None:
-            followed, start, stds = _followed(rough.solution), rough.solution.parameters, work.in_force(stds_then, rough)
+            followed, start, stds = _followed(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
             force_std = dict(zip(rough.solution.transcription.soft, rough.force_std.tolist(), strict=True))
             least_noise = least_noise / rough.output_factor
     meshed = work.meshed(followed, stds, force_std, start)

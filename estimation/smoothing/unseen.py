@@ -44,12 +44,11 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
     """The followed trajectories with the unseen states moved as the model, at parameters start (np_all,), moves them."""
     nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
     followed = _settled(problem, followed, start)
-    widths, own = {law.width: 1.0 for law in laws}, _moving_unseen(problem)
+    own = _moving_unseen(problem)
     for rounded in ROUNDED:
         parameters = start.copy()
         for law in laws:
-            widths[law.width] = rounded * (rms_velocity(problem, law, followed, parameters) or 1.0)
-            parameters[law.width] = widths[law.width]
+            parameters[law.width] = rounded * (rms_velocity(problem, law, followed, parameters) or 1.0)
         # what moves what is seen may be anything yet: only the unseen is to go as the model says
         loose = forces(problem, followed, parameters)
         room = np.sqrt(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
