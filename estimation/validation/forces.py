@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import lapack
 
 from backsight.ocp import Solution
 from backsight.ocp.polynomials import radau_weights
@@ -36,7 +37,9 @@ def smoothed_noises(run: Innovations, v: Array) -> Array:
     ahead = np.zeros((steps[0].A.shape[0], v.shape[1]))
     for i in range(len(steps) - 1, -1, -1):
         s = steps[i]
-        a = np.linalg.solve(s.L.T, v[s.samples] - s.K.T @ ahead)
+        a = v[s.samples] - s.K.T @ ahead
+        if a.size:
+            a = lapack.dtrtrs(s.L, a, lower=1, trans=1)[0]
         out[i] = s.noise_y.T @ a + s.noise_x.T @ ahead
         ahead = s.D.T @ a + s.A.T @ ahead
     return out

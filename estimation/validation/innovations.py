@@ -13,10 +13,11 @@ moment from what was read before. Exact for linear models and given weights; to 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import lapack, solve_triangular
 
 from backsight.ocp import Solution
 
@@ -121,39 +122,55 @@ def _filter(
 ) -> tuple[tuple[Array, Array, tuple[Step, ...], float], Index]:
     """(u, E, steps, log_roots) of one horizon, and sample and output of every innovation."""
     nx, Z, np_ = links.F.shape[2], links.first[number], links.H.shape[2]
-    X = np.hstack([np.zeros((nx, 1)), Z, np.zeros((nx, np_))])
-    P = np.zeros((nx, nx))
-    rows, S, T = links.rows[part], links.S[part], links.T[part]
-    edge = np.searchsorted(owner, np.arange(len(intervals) + 1))
-    found, where, steps, log_roots, count = [np.empty((0, X.shape[1]))], [np.empty((0, 2), dtype=np.int64)], [], 0.0, 0
-    for k, i in enumerate(intervals):
-        here = np.argwhere(np.isfinite(rows[edge[k] : edge[k + 1]]))
-        here[:, 0] += edge[k]
-        r, s, t = rows[here[:, 0], here[:, 1]], S[here[:, 0], here[:, 1]], T[here[:, 0], here[:, 1]]
-        # the interval as a step of a state space model whose two equations share their noise
-        F, G = links.F[i], links.G[i]
-        inner = s[:, nx:]
-        D, noise_y, A, noise_x = s[:, :nx] + inner @ F, inner @ G, F[-nx:], G[-nx:]
-        y, x = D @ X, A @ X
-        y[:, 0] += r + inner @ links.g[i]
-        x[:, 0] += links.g[i, -nx:]
-        if np_:
-            y[:, -np_:] += t + inner @ links.H[i]
-            x[:, -np_:] += links.H[i, -nx:]
-        PD = P @ D.T
-        L = np.linalg.cholesky(D @ PD + noise_y @ noise_y.T + np.eye(len(r)))
-        K = np.linalg.solve(L, (A @ PD + noise_x @ noise_y.T).T).T
-        scaled = np.linalg.solve(L, y)
-        X = x - K @ scaled
-        P = A @ P @ A.T + noise_x @ noise_x.T - K @ K.T
+    where = np.argwhere(np.isfinite(links.rows[part]))
+    sample, output = where.T
+    step = owner[sample]
+    # an interval as a step of a state space model: x+ = A x + a + noise_x e, samples y = D x + d + noise_y e + noises of their own
+    inside = slice(intervals.start, intervals.stop)
+    F, G, known = links.F[inside], links.G[inside], np.concatenate([links.g[inside, :, None], links.H[inside]], axis=2)
+    S = links.S[part][sample, output]
+    inner = S[:, None, nx:]
+    D, noise_y = S[:, :nx] + (inner @ F[step])[:, 0], (inner @ G[step])[:, 0]
+    columns = [0, *range(1 + Z.shape[1], 1 + Z.shape[1] + np_)]
+    d, a = np.zeros((len(S), 1 + Z.shape[1] + np_)), np.zeros((len(F), nx, 1 + Z.shape[1] + np_))
+    d[:, columns] = np.column_stack([links.rows[part][sample, output], links.T[part][sample, output]]) + (inner @ known[step])[:, 0]
+    a[:, :, columns] = known[:, -nx:]
+    A, noise_x = F[:, -nx:], G[:, -nx:]
+    moved = noise_x @ np.swapaxes(noise_x, 1, 2)
+
+    X, P = np.hstack([np.zeros((nx, 1)), Z, np.zeros((nx, np_))]), np.zeros((nx, nx))
+    edge = np.searchsorted(step, np.arange(len(F) + 1)).tolist()
+    steps, roots = [], np.ones(len(d))
+    for k, (begin, end) in enumerate(itertools.pairwise(edge)):
+        at = slice(begin, end)
+        A_k, D_k, e_x, e_y = A[k], D[at], noise_x[k], noise_y[at]
+        AP, y, X = A_k @ P, d[at] + D_k @ X, a[k] + A_k @ X
+        DP = D_k @ P
+        P = AP @ A_k.T + moved[k]
+        L = _root(DP @ D_k.T + e_y @ e_y.T + np.eye(end - begin))
+        K = _solved(L, D_k @ AP.T + e_y @ e_x.T).T
+        d[at] = y = _solved(L, y)
+        X -= K @ y
+        P -= K @ K.T
         P = (P + P.T) / 2
-        log_roots += float(np.sum(np.log(np.diag(L))))
-        found.append(scaled)
-        where.append(here)
-        steps.append(Step(samples=slice(count, count + len(r)), L=L, D=D, A=A, K=K, noise_x=noise_x, noise_y=noise_y))
-        count += len(r)
-    columns = np.concatenate(found)
-    return (-columns[:, 0], columns[:, 1:], tuple(steps), log_roots), np.concatenate(where)
+        roots[at] = np.diag(L)
+        steps.append(Step(samples=at, L=L, D=D_k, A=A_k, K=K, noise_x=e_x, noise_y=e_y))
+    return (-d[:, 0], d[:, 1:], tuple(steps), float(np.sum(np.log(roots)))), where
+
+
+def _root(matrix: Array) -> Array:
+    """The lower Cholesky root; LAPACK itself, since the matrices are small and many."""
+    if not matrix.size:
+        return matrix
+    L, info = lapack.dpotrf(matrix, lower=1, clean=1)
+    if info:
+        raise np.linalg.LinAlgError("a prediction's variance is not positive definite")
+    return np.asarray(L)
+
+
+def _solved(L: Array, right: Array) -> Array:
+    """L^-1 right."""
+    return np.asarray(lapack.dtrtrs(L, right, lower=1)[0]) if L.size else right
 
 
 def _absorbed(R: Array, d: Array, rows: Array) -> tuple[Array, Array]:
