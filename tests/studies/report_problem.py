@@ -83,7 +83,7 @@ def posed(recording: Recording, case: int = 1, drift_of: float = 1.0) -> Problem
 
 
 def asymmetric(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """More friction of the y-axis in its positive direction [N m], all of it from 0.01 rad/s on: a step at rest would stop the simulator."""
+    """More friction of the y-axis in its positive direction [N m], rising up to 0.01 rad/s: a step at rest stops the simulator."""
     del t, q
     return np.array([0.0, 0.0, -0.019 * np.clip(v[2] / 0.01, 0.0, 1.0)])
 
