@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
+DOUBT = 0.01  # chance of what is seen if the errors are white, below which they are not called so
+
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterEstimate:
@@ -37,7 +39,7 @@ class ParameterEstimate:
         if self.std is None or not self.std > 0:
             return f"{self.value:.6g}{unit}" + (" (fixed)" if self.fixed else " (not determined)")
         digits = max(0, 1 - int(np.floor(np.log10(self.std))))
-        return f"{self.value:.{min(digits, 15)}f} ± {self.std:.2g}{unit}"
+        return f"{self.value:.{min(digits, 15)}f} ± {self.std:.2g}{unit}" + (" (not determined)" if self.identifiable is False else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +59,13 @@ class OutputFit:
     effective_samples: float | None = None
     samples: int = 0
     prediction_rms: float | None = None
+
+    @property
+    def overstated(self) -> float:
+        """By how much stated deviations may be too small for what is slow: 1 where the prediction errors are white and of size one."""
+        if self.whiteness_p is None or not self.effective_samples or not self.whiteness_p < DOUBT:
+            return 1.0
+        return (self.prediction_rms or 1.0) * float(np.sqrt(self.samples / self.effective_samples))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,6 +189,11 @@ class Smoothing:
     def __getstate__(self) -> dict[str, object]:
         # a program is functions of this process
         return {**self.__dict__, "solution": None}
+
+    @property
+    def overstated(self) -> float:
+        """The largest factor, over recordings and outputs, by which stated deviations may be too small (`OutputFit.overstated`)."""
+        return max((f.overstated for outputs in self.fit.values() for f in outputs.values()), default=1.0)
 
     def value(self, parameter: str) -> float:
         """A parameter's value [its unit]; of one that every recording has of its own the mean over them."""

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-DOUBT = 0.01  # chance of what is seen if the errors are white, below which they are not called so
+from ..results import DOUBT
+
+TELLING = 1.2  # factor on deviations from which on it is said
 
 if TYPE_CHECKING:
     from ..results import OutputFit, Smoothing
@@ -26,15 +29,17 @@ def parameter_table(answer: Smoothing) -> Table:
     table.add_column("value", justify="right")
     for name, estimate in answer.parameters.items():
         if not estimate.fixed:
-            table.add_row(name, str(estimate))
+            table.add_row(escape(name), str(estimate))
     fits = [("fit", recording, outputs) for recording, outputs in answer.fit.items()]
     fits += [("prediction", recording, prediction.fit) for recording, prediction in answer.held_out.items()]
     for what, recording, outputs in fits:
         for output, fit in outputs.items():
             size = f"rms {fit.rms:.3g} {answer.units.get(output, '')} ({_share(fit.fit_percent)})"
-            table.add_row(f"{what} of {output}, {recording}", size + (f"; {verdict}" if (verdict := _whiteness(fit, what)) else ""))
+            table.add_row(escape(f"{what} of {output}, {recording}"), size + (f"; {verdict}" if (verdict := _whiteness(fit, what)) else ""))
+    if (times := answer.overstated) > TELLING:
+        table.add_row("deviations", f"up to about {times:.2g} times too small: prediction errors are not white")
     for p in answer.profiles.values():
-        table.add_row(f"95 % of {p.name}", f"{_end(p.lower, '-inf')} .. {_end(p.upper, 'inf')} {p.unit}")
+        table.add_row(escape(f"95 % of {p.name}"), f"{_end(p.lower, '-inf')} .. {_end(p.upper, 'inf')} {p.unit}")
     return table
 
 
@@ -45,7 +50,7 @@ def simulation_table(answer: Simulation) -> Table:
         table.add_column(heading)
     for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
-            table.add_row(recording, output, f"{fit.rms:.4g} {answer.units[output]}", _share(fit.fit_percent))
+            table.add_row(escape(recording), output, f"{fit.rms:.4g} {answer.units[output]}", _share(fit.fit_percent))
     return table
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..results import DOUBT
 from ..validation.patterns import companion, own_states
 from .columns import Columns
 from .decimation import spread
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
 NAMED = 6  # parameters named in the sentence; the table has them all
-DOUBT = 0.01  # chance of what is seen if the errors are white, below which they are not called so
+TELLING = 1.2  # factor on deviations from which on it is said
 WORTH = 0.9  # effective samples over samples: a memory that costs less is not worth a word
 ROWS = 20_000  # enough for a correlation
 
@@ -51,6 +52,9 @@ def answer(result: Smoothing, recordings: Sequence[Recording]) -> str:
         found = [f"{code(p.name)} = <b>{with_uncertainty(p)}</b>" for p in free[:NAMED]]
         more = [f"{len(free) - NAMED} more (table below)"] if len(free) > NAMED else []
         said.append(f"gives {joined(found + more)}.")
+        if result.overstated > TELLING:
+            times = number(result.overstated, 2)
+            said.append(f" <b>The prediction errors are not white: true deviations may be up to {times} times as large.</b>")
     else:
         said.append("with all parameters fixed estimates its states and the forces it does not explain.")
     if not result.solver.converged:
@@ -131,9 +135,8 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
             summary = result.residual_places.get(place)
             unit = summary.unit if summary is not None else result.units.get(column, "")
             w = frame[column].to_numpy(float)
-            found += _odd_residual(code(place) + where, w, unit, rows)
             states, _ = own_states(place, unit, kinds.states, result.units)
-            friend = companion(w, states, frame, result.units, rows)
+            friend = companion(w, states, frame, result.units, rows, unit=unit)
             if friend is not None:
                 what, r = escape(friend.what), number(friend.correlation, 2)
                 found.append(
@@ -159,16 +162,6 @@ def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit
         lie = "samples of {} lie" if outliers > 1 else "sample of {} lies"
         found.append(f"{outliers} {lie.format(which)} more than six robust standard deviations off.")
     return found
-
-
-def _odd_residual(which: str, w: np.ndarray, unit: str, rows: np.ndarray) -> list[str]:
-    seen = w[rows][np.isfinite(w[rows])]
-    if seen.size < 20:
-        return []
-    mean, rms = float(seen.mean()), float(np.sqrt(np.mean(seen**2)))
-    if abs(mean) > 0.5 * rms > 0:
-        return [f"The residual force at {which} has a mean of {escape(quantity(mean, unit))}, as a constant force would make it."]
-    return []
 
 
 def whiteness_sentence(fit: OutputFit) -> str:

@@ -56,8 +56,7 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
             which = f"{name} of {recording}" if len(fit) > 1 else name
             if f.whiteness_p is not None and f.effective_samples is not None and f.whiteness_p < DOUBT:
                 worth = f"{f.effective_samples:.0f} effective of {f.samples} samples"
-                # the error of what all samples tell, over what is stated: for a parameter whose effect is slow
-                size = (f.prediction_rms or 1.0) * float(np.sqrt(f.samples / f.effective_samples))
+                size = f.overstated
                 said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer"
                 times = f", by up to about {size:.2g} times" if size > TELLING else ""
                 found.append(

@@ -37,6 +37,17 @@ def correlation(w: np.ndarray, g: np.ndarray) -> tuple[float, float]:
     return r, float(np.sqrt((1 - r * r) * max(1.0 + 2.0 * overlap[1:].sum(), 1.0) / w.size))
 
 
+def constant_share(w: np.ndarray) -> tuple[float, float]:
+    """Mean of a residual over its rms, and the standard deviation of that, by the same formula: a constant remembers everything."""
+    w = w[np.isfinite(w)]
+    rms = float(np.sqrt(np.mean(w**2))) if w.size else 0.0
+    if w.size < 20 or not rms > 0:
+        return 0.0, 1.0
+    left = w - w.mean()
+    memory = max(1.0 + 2.0 * autocorrelation(left, w.size // 4)[1:].sum(), 1.0) if left.std() > 1e-9 * rms else 0.0
+    return float(w.mean() / rms), float(left.std() / rms * np.sqrt(memory / w.size))
+
+
 def own_states(place: str, place_unit: str, states: tuple[str, ...], units: Mapping[str, str]) -> tuple[list[str], bool]:
     """The states to hold a residual of `place` against, velocities first, and whether they belong to that place.
 
@@ -76,8 +87,12 @@ def companion(
     units: Mapping[str, str],
     rows: np.ndarray,
     inputs: Mapping[str, np.ndarray] | None = None,
+    unit: str = "",
 ) -> Companion | None:
-    """The function of the states, or the input, that goes with the residual most, if that is plain; rows: which samples are looked at."""
+    """What goes with a residual [unit] most, if that is plain: a function of the states, an input, or nothing but time.
+
+    rows: which samples are looked at.
+    """
     time, best = frame["t_s"].to_numpy(float), None
     found = [law for state in states for law in laws(state, units.get(state, ""), frame[state].to_numpy(float), time)]
     found += [(f"the input {name}", "an input whose gain is off", np.asarray(u, dtype=float)) for name, u in (inputs or {}).items()]
@@ -85,4 +100,8 @@ def companion(
         r, deviation = correlation(residual[rows], values[rows])
         if abs(r) > max(PLAIN, SURE * deviation) and (best is None or abs(r) > abs(best.correlation)):
             best = Companion(what=what, law=law, correlation=r, std=deviation)
+    share, deviation = constant_share(residual[rows])
+    if abs(share) > max(PLAIN, SURE * deviation) and (best is None or abs(share) > abs(best.correlation)):
+        mean = float(np.nanmean(residual[rows]))
+        best = Companion(what=f"a constant, {mean:.3g} {unit}".rstrip(), law="a constant force", correlation=share, std=deviation)
     return best

@@ -77,6 +77,6 @@ def followed(
         w = table[f"residual.{place}"].to_numpy(float)
         rows = np.unique(np.linspace(0, len(w) - 1, min(len(w), ROWS)).astype(int))
         chosen, _ = own_states(place, unit, states, units)
-        friend = companion(w, chosen, table, units, rows, inputs.get(name))
+        friend = companion(w, chosen, table, units, rows, inputs.get(name), unit)
         found += [friend] if friend is not None else []
     return max(found, key=lambda c: abs(c.correlation), default=None)
