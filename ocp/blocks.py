@@ -34,16 +34,13 @@ class Block:
         merged = ca.SX(p)
         for k, i in enumerate(free):
             merged[i] = theta[k]
-        phi = []
-        bases, datas = ca.vertsplit(base, interpolation.rows), ca.vertsplit(data, term.data.shape[0] // term.places)
-        for entries, known, d in zip(basis.entries, bases, datas, strict=True):
+        places = []
+        for entries, known in zip(basis.entries, ca.vertsplit(base, interpolation.rows), strict=True):
             values = ca.SX(known)
             for entry, value in zip(interpolation.entries, entries, strict=True):
                 values[entry.row] += value * ell[entry.column]
-            phi.append(term.function(values, merged, p, d))
-        column = ca.vertcat(*phi)
-        if term.moments is not None:
-            column = ca.vec(ca.horzcat(*phi) @ ca.DM(term.moments))
+            places.append(values)
+        column = _column(term, places, merged, p, data)
         symbols = (ell, theta, p, basis.symbols, base, data)
         # what the function does not look at is not carried to its columns
         self._used = [_used(column, s) for s in symbols]
@@ -226,18 +223,38 @@ class _Basis:
     entries: list[list[Any]]
 
 
+def _column(term: Term, places: list[Any], parameters: Any, reference: Any, data: Any) -> Any:
+    """The values of a term's column from [dx; x; z; w] at its places."""
+    if term.within is not None:
+        within = term.within
+        size = within.function.size1_in(3)
+        own, *others = ca.vertsplit(data, [0, *range(data.shape[0] - size * len(within.nodes), data.shape[0] + 1, size)])
+        phi = [within.function(v, parameters, reference, d) for v, d in zip(places[1:], others, strict=True)]
+        moments = ca.vec(ca.horzcat(*phi) @ ca.DM(within.weights))
+        return term.function(places[0], parameters, reference, ca.vertcat(own, moments))
+    datas = ca.vertsplit(data, data.shape[0] // term.places)
+    phi = [term.function(v, parameters, reference, d) for v, d in zip(places, datas, strict=True)]
+    return ca.vertcat(*phi) if term.moments is None else ca.vec(ca.horzcat(*phi) @ ca.DM(term.moments))
+
+
 def _basis(interpolation: Interpolation, steps: Array, term: Term) -> tuple[_Basis, Array]:
     """At nodes the polynomials are constants and only the interval's length differs; elsewhere every entry does."""
     h = steps[term.interval]
-    if term.nodes is None:
-        numbers = interpolation.values(term.all_places()[1], h)
+    length, nodes = ca.SX.sym("h"), term.nodes
+    if nodes is None:
+        numbers = interpolation.values(term.all_places()[1][:: term.places], h)
         symbols = ca.SX.sym("T", len(numbers))
-        return _Basis(symbols, [[symbols[kind] for kind in interpolation.kinds[1]]]), numbers
-    length = ca.SX.sym("h")
-    entries = [
-        [float(e.differentiated(tau)) * length**e.power for e in interpolation.entries] for tau in np.asarray(term.nodes, dtype=np.float64)
-    ]
-    return _Basis(length, entries), h[None, :]
+        own = [symbols[kind] for kind in interpolation.kinds[1]]
+        if term.within is None:
+            return _Basis(symbols, [own]), numbers
+        entries = [own, *_at_nodes(interpolation, term.within.nodes, length)]
+        return _Basis(ca.vertcat(symbols, length), entries), np.vstack([numbers, h])
+    return _Basis(length, _at_nodes(interpolation, nodes, length)), h[None, :]
+
+
+def _at_nodes(interpolation: Interpolation, nodes: Array, length: Any) -> list[list[Any]]:
+    places = np.asarray(nodes, dtype=np.float64)
+    return [[float(e.differentiated(tau)) * length**e.power for e in interpolation.entries] for tau in places]
 
 
 def _used(expression: Any, symbols: Any) -> list[int]:

@@ -13,7 +13,7 @@ from backsight.models import Dae
 
 from .horizon import Horizon
 from .mesh import Mesh
-from .polynomials import Array, legendre
+from .polynomials import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,15 +153,19 @@ def bridge_variance(mesh: Mesh, degree: int, interval: Array, tau: Array) -> Arr
     return np.asarray(np.maximum(tau * (1 - tau) - resolved, 0.0) * mesh.steps[interval], dtype=np.float64)
 
 
-def unresolved_density(horizon: Horizon, degree: int) -> Array:
-    """Variance per density of a white force, as a sensor reads it at the samples, beyond the `degree` moments of its interval, (n,) [1/s].
+def averaging(horizon: Horizon, degree: int) -> Array:
+    """Coefficients c (K, n) of a force's moments in the force that a sensor averages over a sampling interval dt from its sample on.
 
-    A sensor that a force enters at once averages it over a sampling interval dt: that leaves 1/dt, of which the mesh has
-    sum_j L_j(tau)^2 / h.
+    int over [t_k, t_k + dt] of L_j / dt, as far as the mesh interval reaches (at its end: the dt before), and all of them times what makes
+    the variance of a white force, sum_j c_j^2 / h, that of the average, 1/dt: what is beyond the interval or its moments is as loud as the
+    rest.
     """
     interval, tau = horizon.mesh.locate(horizon.time)
-    resolved = np.sum(legendre(degree, tau) ** 2, axis=0) / horizon.mesh.steps[interval]
-    return np.asarray(np.maximum(1.0 / np.median(np.diff(horizon.time)) - resolved, 0.0), dtype=np.float64)
+    h, dt = horizon.mesh.steps[interval], float(np.median(np.diff(horizon.time)))
+    begin = np.where(tau < 1.0, tau, np.maximum(1.0 - dt / h, 0.0))
+    end = np.minimum(begin + dt / h, 1.0)
+    c = np.array([np.sqrt(2.0 * j + 1.0) * (_legendre_integral(j, end) - _legendre_integral(j, begin)) for j in range(degree)])
+    return np.asarray(c * np.sqrt(h / dt / np.sum(c**2, axis=0)), dtype=np.float64)
 
 
 def _exponential(matrices: Array) -> Array:
@@ -174,7 +178,9 @@ def _exponential(matrices: Array) -> Array:
 
 
 def _legendre_integral(order: int, tau: Array) -> Array:
-    """int_0^tau P_order(2 s - 1) ds = (P_(order+1) - P_(order-1)) / (2 (2 order + 1))."""
+    """int_0^tau P_order(2 s - 1) ds = (P_(order+1) - P_(order-1)) / (2 (2 order + 1)), tau for order 0."""
+    if order == 0:
+        return np.asarray(tau, dtype=np.float64)
     P = np.polynomial.legendre.legvander(2.0 * tau - 1.0, order + 1).T
     return np.asarray((P[order + 1] - P[order - 1]) / (2.0 * (2.0 * order + 1.0)), dtype=np.float64)
 

@@ -18,6 +18,19 @@ from .interpolation import Interpolation
 from .polynomials import Array
 
 
+@dataclass(frozen=True, kw_only=True)
+class AtOnce:
+    """Outputs at a sample, and the symbols that they take beside the model's: `rest` (nu or 0) of the input, `coefficients` (K or 0), and
+    `moments` (q K or 0) of `force` (q) in the interval. ahead: outputs that see the force of the interval after their sample."""
+
+    output: Any
+    rest: Any
+    coefficients: Any
+    moments: Any
+    force: Any
+    ahead: tuple[int, ...] = ()
+
+
 @dataclass(frozen=True)
 class Pieces:
     """A DAE, the interpolation of its variables, and the horizons with the number of their first intervals."""
@@ -60,21 +73,42 @@ class Pieces:
         """The parameters at which a solve starts: the program's own, before the free ones are put in."""
         return ca.SX.sym("p_ref", self.dae.p.shape[0])
 
-    def outputs_at_samples(self) -> tuple[Any, Any]:
-        """The outputs, and the symbols (nu or 0) of what is left of the held input at a sample by its projection on the interval.
+    def outputs_at_samples(self, degree: int) -> AtOnce:
+        """The outputs as the sensors read them.
 
-        An output that looks at x' or z sees the whole input at once, where the polynomials have its projection only. With
-        F(x', x, z, u) = 0 it differs by E du,  E = -dh/d(x', z) (dF/d(x', z))^-1 dF/du, in which the parameters stay what they are.
+        An output that looks at x' or z sees input and residual forces at once. The polynomials have the input's projection only, and of a
+        white force the value at a point, whose variance is that of the mesh. With F(x', x, z, u) = w
+
+            y = h + E du - D (w - w_mean),      [E, D] = -dh/d(x', z) (dF/d(x', z))^-1 [dF/du, -1]  (D also dh/dw)
+
+        du: what the projection leaves of the input; w_mean = sum_j c_j m_j: the force as its moments m_j in the interval have it over the
+        sampling interval, which is what such a sensor averages over. So a reading and the motion share their force on a mesh with knots at
+        the samples; on a finer one the force of the first part stands for the whole, and the reading tells less.
         """
-        dae = self.dae
-        unknown = ca.vertcat(dae.dx, dae.z)
-        at_once, forced = ca.jacobian(dae.output, unknown), ca.jacobian(dae.residual, dae.u)
-        if not (at_once.nnz() and forced.nnz()):
-            return dae.output, ca.SX(0, 1)
-        E: Any = -at_once @ ca.solve(ca.jacobian(dae.residual, unknown), forced)
-        E = ca.sparsify(ca.simplify(dae.undisturbed(E)))
-        du = ca.SX.sym("du", dae.u.shape[0])
-        return (dae.output + E @ du, du) if E.nnz() else (dae.output, ca.SX(0, 1))
+        dae, unknown = self.dae, ca.vertcat(self.dae.dx, self.dae.z)
+        at_once = ca.jacobian(dae.output, unknown)
+        du, nothing = ca.SX.sym("du", dae.u.shape[0]), ca.SX(0, 1)
+        if not (at_once.nnz() or ca.jacobian(dae.output, dae.w).nnz()):
+            return AtOnce(output=dae.output, rest=nothing, coefficients=nothing, moments=nothing, force=nothing)
+        soft = list(self.soft)
+        right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, soft])
+        both: Any = -at_once @ ca.solve(ca.jacobian(dae.residual, unknown), right)
+        both[:, dae.u.shape[0] :] += ca.jacobian(dae.output, dae.w)[:, soft]
+        E, D = ca.horzsplit(ca.sparsify(ca.simplify(dae.undisturbed(both))), [0, dae.u.shape[0], both.shape[1]])
+        places, output = sorted(set(D.sparsity().get_col())), dae.output + E @ du
+        if not places:
+            return AtOnce(output=output, rest=du if E.nnz() else nothing, coefficients=nothing, moments=nothing, force=nothing)
+        force = self.forces()[places]
+        c, m = ca.SX.sym("c", degree), ca.SX.sym("m", len(places), degree)
+        here = ca.substitute(force, dae.u, dae.u - du) if dae.u.shape[0] else force
+        output -= D[:, places] @ (here - m @ c)
+        ahead = tuple(sorted(set(D.sparsity().row())))
+        return AtOnce(output=output, rest=du, coefficients=c, moments=ca.vec(m), force=force, ahead=ahead)
+
+    def forces(self) -> Any:
+        """The residual forces of the soft places: what the balances leave over, or unknowns of their own."""
+        soft = list(self.soft)
+        return self.dae.w[soft] if self.interpolation.forces else self.dae.undisturbed(self.dae.residual[self.rows_of(soft)])
 
     def function(self, name: str, expression: Any, more: Any = None) -> Any:
         """`expression` of the model as a function (v = [dx; x; z; w_soft], p, p_ref, d = [u; t]); other residual forces are zero.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .curvature import Curvature, curvature, determined_variance
 from .forces import Forces
 from .ipopt import Solved, Solver
-from .linear import bridge_variance, unresolved_density
+from .linear import bridge_variance
 from .nlp import Values
 from .polynomials import Array
 from .readout import read
@@ -126,9 +126,6 @@ class Solution:
         density = (t.force_std_at(self.values)[:, at.interval] ** 2).T * spread[:, None]
         beyond = np.einsum("nij,nj->ni", at.linear.G**2, density)
         beyond_outputs = np.einsum("nij,nj->ni", (at.linear.C @ at.linear.G) ** 2, density)
-        if at.linear.D.any():
-            force = (t.force_std_at(self.values)[:, at.interval] ** 2).T * unresolved_density(horizon, t.degree)[:, None]
-            beyond_outputs += np.einsum("nij,nj->ni", at.linear.D**2, force)
         T = ip.matrix(at.basis)[:, ip.states : 2 * ip.states]
         C = self.interval_covariance[at.interval][:, : ip.local, : ip.local]
         null = T @ self.interval_null[at.interval][:, : ip.local]

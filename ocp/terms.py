@@ -22,12 +22,25 @@ from .polynomials import Array
 
 
 @dataclass(frozen=True, kw_only=True)
+class Within:
+    """What a column also takes from its whole interval: moments (q K,) of function (v, p, p_ref, d) -> (q) at nodes (S,).
+
+    weights (S, K): m = sum over nodes of weights[s, k] phi_s.
+    """
+
+    function: Any
+    nodes: Array
+    weights: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class Term:
     """One family of residuals or constraints, in C columns.
 
     function: casadi.Function (v, p, p_ref, d) -> phi, shapes (rows of T), (all parameters) twice, (nd) -> (m); p_ref: `Values`.
     interval (C,): of every column. tau (C,): its place there; or nodes (S,): the same places in all.
     moments (S, K): None is the identity, every node a row group of its own.
+    within: beside a place of its own, see there: its moments follow the place's data in d, and its places' data the column's in `data`.
     heavy: squares over whole intervals whose weight may grow until they are all but constraints.
     data (S nd, C): what belongs to the places (held inputs, ...), one place below the other. target, scale (K m, C).
     """
@@ -43,6 +56,7 @@ class Term:
     moments: Array | None = None
     equality: bool = False
     heavy: bool = False
+    within: Within | None = None
 
     @property
     def columns(self) -> int:
@@ -52,12 +66,16 @@ class Term:
     @property
     def places(self) -> int:
         """S, number of places that a column looks at."""
-        return 1 if self.nodes is None else len(self.nodes)
+        return (1 if self.within is None else 1 + len(self.within.nodes)) if self.nodes is None else len(self.nodes)
 
     def all_places(self) -> tuple[NDArray[np.int64], Array]:
         """Interval and tau of every place of every column, (C S,), the places of a column side by side."""
         if self.nodes is None:
-            return self.interval, np.zeros(self.columns) if self.tau is None else self.tau
+            tau = np.zeros(self.columns) if self.tau is None else self.tau
+            if self.within is None:
+                return self.interval, tau
+            every = np.column_stack([tau, np.tile(self.within.nodes, (self.columns, 1))])
+            return np.repeat(self.interval, self.places), every.ravel()
         return np.repeat(self.interval, self.places), np.tile(self.nodes, self.columns)
 
 

@@ -23,10 +23,11 @@ from backsight.models import Dae
 from . import collocation, spline
 from .horizon import Horizon
 from .interpolation import Interpolation, local_index
+from .linear import averaging
 from .nlp import Nlp, Values
 from .pieces import Pieces
-from .polynomials import Array
-from .terms import Term
+from .polynomials import Array, gauss, legendre
+from .terms import Term, Within
 
 Method = Literal["spline", "collocation"]
 
@@ -129,23 +130,32 @@ def _indices(horizons: Sequence[Horizon], interpolation: Interpolation) -> tuple
 
 
 def _samples(pieces: Pieces, degree: int) -> Term:
-    """Outputs at the samples, (y - target)/std; a missing sample has weight zero."""
-    output, left = pieces.outputs_at_samples()
+    """Outputs at the samples, (y - target)/std; a missing sample has weight zero, and so has a last one that sees a force still to come."""
+    seen = pieces.outputs_at_samples(degree)
     located = [h.mesh.locate(h.time) for h in pieces.horizons]
     data = [np.vstack([h.input_at(h.time), h.clock + h.time]) for h in pieces.horizons]
-    if left.shape[0]:
+    if seen.rest.shape[0]:
         data = [np.vstack([d, h.unresolved_input(degree)]) for d, h in zip(data, pieces.horizons, strict=True)]
+    within = None
+    if seen.moments.shape[0]:
+        nodes, weights = gauss(degree + 1)
+        within = Within(function=pieces.function("forces", seen.force), nodes=nodes, weights=(weights * legendre(degree, nodes)).T)
+        for k, (h, (interval, _)) in enumerate(zip(pieces.horizons, located, strict=True)):
+            inside = h.point_data(degree, nodes).reshape(-1, h.mesh.count, len(nodes))[:, interval]
+            data[k] = np.vstack([data[k], averaging(h, degree), inside.transpose(2, 0, 1).reshape(-1, len(interval))])
     target = np.concatenate([h.target for h in pieces.horizons]).T
     std = np.concatenate([np.broadcast_to(h.target_std, h.target.shape) for h in pieces.horizons]).T
     there = np.isfinite(target)
+    there[np.ix_(seen.ahead, np.cumsum([len(h.time) for h in pieces.horizons]) - 1)] = False
     return Term(
         name="samples",
-        function=pieces.function("samples", output, left),
+        function=pieces.function("samples", seen.output, ca.vertcat(seen.rest, seen.coefficients, seen.moments)),
         interval=pieces.intervals([i for i, _ in located]),
         tau=np.concatenate([tau for _, tau in located]),
         data=np.hstack(data),
         target=np.where(there, target, 0.0),
         scale=np.where(there, 1.0 / std, 0.0),
+        within=within,
     )
 
 

@@ -11,6 +11,7 @@ from examples import LAG, OFFSET, D, K, M, compiled, lagged, oscillator, shaken,
 from backsight.ocp import Horizon, Mesh
 from backsight.ocp.linear import (
     Linear,
+    averaging,
     bridge_variance,
     direct_share,
     driven_between_knots,
@@ -18,7 +19,6 @@ from backsight.ocp.linear import (
     fastest_rate,
     left_out_of_outputs,
     linearise,
-    unresolved_density,
 )
 
 PLANT = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG)
@@ -136,14 +136,22 @@ def test_a_step_of_the_input_inside_an_interval_moves_an_accelerometer_by_its_fu
     np.testing.assert_allclose(moved[:, 0], [0.0, 3.0 / M], atol=1e-14)
 
 
-def test_what_the_mesh_has_not_of_a_white_force_is_the_rest_of_its_mean_over_a_sampling_interval():
-    """Two samples in each interval: at the knots the mesh has (1 + 3)/h = 2/dt, more than all; in the middle 1/h = 1/(2 dt)."""
+def test_a_sensor_that_a_force_enters_at_once_reads_its_mean_over_a_sampling_interval():
     time = np.arange(5) * 0.1
-    empty = np.zeros((5, 1))
-    h = Horizon(
-        mesh=Mesh(time[::2]), time=time, inputs=empty, target=empty, target_std=empty + 1, initial=np.zeros(2), initial_std=np.ones(2)
-    )
-    np.testing.assert_allclose(unresolved_density(h, 2), [0, 5, 0, 5, 0], atol=1e-12)
+    for knots in (time, time[::2], np.arange(9) * 0.05):
+        empty = np.zeros((5, 0))
+        h = Horizon(
+            mesh=Mesh(knots), time=time, inputs=empty, target=empty, target_std=empty + 1, initial=np.zeros(2), initial_std=np.ones(2)
+        )
+        c = averaging(h, 3)
+        # moments of a white force of density one are independent with variance 1/h, its mean over 0.1 s has variance 1/0.1
+        np.testing.assert_allclose(np.sum(c**2, axis=0) / h.mesh.steps[0], 10.0, rtol=1e-12)
+        if len(knots) == 5:
+            np.testing.assert_allclose(c, np.tile([[1.0], [0.0], [0.0]], 5), atol=1e-12)
+        if len(knots) == 3:
+            # L_1 = sqrt(3) (2 tau - 1) has the means -+ sqrt(3)/2 over the halves of the interval, L_2 none
+            np.testing.assert_allclose(c[1] / c[0], np.sqrt(3) / 2 * np.array([-1, 1, -1, 1, 1]), rtol=1e-12)
+            np.testing.assert_allclose(c[2], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])

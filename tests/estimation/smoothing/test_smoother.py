@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import truths
 from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, lagged, oscillator, shaken, stiffening
+from scipy.linalg import expm
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
@@ -213,6 +214,56 @@ def with_accelerometer(force_std: float, std: float, n: int = 300) -> Run:
     a = (u - D * x[:, 1] - K * x[:, 0] - OFFSET) / M + std * rng.normal(size=n)
     y = x[:, 0] + STD * rng.normal(size=n)
     return Run(Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y, "a": a}, output_std={"x": STD, "a": std}), x)
+
+
+@pytest.mark.parametrize("W", [0.05, 2.0])
+def test_a_white_force_that_an_accelerometer_reads_is_estimated_as_by_a_dense_gaussian(W):
+    # truth: the force on a grid 20 times finer, reading = acceleration at the sample with the mean force of the interval that begins there
+    n, dt, fine, noise = 60, 0.01, 20, np.array([1e-4, 0.3])
+    A, _, G = truths.Plant(m=M, d=D, k=K, offset=0.0).matrices
+    A, G = A[:2, :2], G[:2, 0]
+    big = expm(np.block([[A, G[:, None]], [np.zeros((1, 3))]]) * dt / fine)
+    F, g, cells = big[:2, :2], big[:2, 2], n * fine
+    x, rows, states = np.zeros((2, 2 + cells)), [], []
+    x[:, :2] = np.eye(2)
+    for k in range(cells):
+        if k % fine == 0:
+            mean = np.zeros(2 + cells)
+            mean[2 + k : 2 + k + fine] = 1.0 / fine
+            rows += [x[0].copy(), A[1] @ x + G[1] * mean]
+            states.append(x.copy())
+        x = F @ x
+        x[:, 2 + k] += g
+    rng = np.random.default_rng(0)
+    H, std = np.array(rows)[:-1], np.tile(noise, n)[:-1]  # the last reading sees a force that nothing else shows
+    prior = np.concatenate([[1e3, 1e3], np.full(cells, W / np.sqrt(dt / fine))])
+    drawn = prior * rng.standard_normal(2 + cells)
+    drawn[:2] = [0.01, 0.1]
+    y = H @ drawn + std * rng.standard_normal(2 * n - 1)
+    whole = np.vstack([H / std[:, None] * prior, np.eye(2 + cells)])
+    C = np.linalg.inv(whole.T @ whole)
+    mean, root = prior * (C @ whole[: 2 * n - 1].T @ (y / std)), np.linalg.cholesky(C) * prior[:, None]
+    r = smooth(
+        Problem(
+            model=compiled(shaken()),
+            recordings=[
+                Recording(
+                    name="r",
+                    time=np.arange(n) * dt,
+                    inputs={"F": np.zeros(n)},
+                    outputs={"x": y[::2], "a": np.append(y[1::2], 9.0)},
+                    output_std=dict(zip("xa", noise, strict=True)),
+                )
+            ],
+            parameters={"offset.f": 0.0},
+            weights=Weights(W={"mass": W}),
+        )
+    ).estimates["r"]
+    for i, name in enumerate(("mass.s", "mass.v")):
+        truth = np.array([s[i] @ mean for s in states])
+        spread = np.array([np.linalg.norm(s[i] @ root) for s in states])
+        np.testing.assert_allclose(r[f"{name}.std"], spread, rtol=2e-3)
+        assert np.max(np.abs(r[name] - truth) / spread) < 0.02
 
 
 def test_an_accelerometer_sees_the_steps_of_the_input_at_once_and_weighs_the_mass_whatever_its_guess():
