@@ -122,6 +122,17 @@ class Horizon:
                 moments[i, :, j] = np.bincount(points.interval, weights=row * L, minlength=self.mesh.count) / self.mesh.steps
         return moments
 
+    def held_share(self, degree: int) -> Array:
+        """Variance of the first `degree` moments of a white force that is held from row to row, over that of a white one; (degree, N).
+
+        1/h sum over the pieces of an interval of (int L_j dt)^2 / (their length): 1 for j = 0, and for the others 0 with no row inside.
+        """
+        points = quadrature(self.mesh, self.time, gauss(degree))
+        width = points.weight.reshape(-1, degree).sum(axis=1)
+        owner = points.interval[::degree]
+        first = (points.weight * legendre(degree, points.tau)).reshape(degree, -1, degree).sum(axis=2)
+        return np.array([np.bincount(owner, weights=row**2 / width, minlength=self.mesh.count) for row in first]) / self.mesh.steps
+
     def point_data(self, degree: int, tau: Array) -> Array:
         """[u; t] at the places tau of every interval, the input projected; shape (nu + 1, N * len(tau))."""
         times = self.mesh.knots[:-1, None] + self.mesh.steps[:, None] * tau

@@ -76,6 +76,17 @@ class Pieces:
         du = ca.SX.sym("du", dae.u.shape[0])
         return (dae.output + E @ du, du) if E.nnz() else (dae.output, ca.SX(0, 1))
 
+    def read_at_once(self) -> NDArray[np.bool_]:
+        """Which residual forces an output that is sampled sees at once, by dh/d(x', z) (dF/d(x', z))^-1 dF/dw; (n_soft,)."""
+        dae = self.dae
+        unknown = ca.vertcat(dae.dx, dae.z)
+        sampled = [i for i in range(dae.output.shape[0]) if any(np.isfinite(h.target[:, i]).any() for h in self.horizons)]
+        at_once = ca.jacobian(dae.output[sampled], unknown)
+        if not (at_once.nnz() and self.soft):
+            return np.zeros(len(self.soft), dtype=np.bool_)
+        D = ca.sparsify(ca.simplify(at_once @ ca.solve(ca.jacobian(dae.residual, unknown), ca.jacobian(dae.residual, dae.w))))
+        return np.isin(self.soft, D.sparsity().get_col())
+
     def function(self, name: str, expression: Any, more: Any = None) -> Any:
         """`expression` of the model as a function (v = [dx; x; z; w_soft], p, p_ref, d = [u; t]); other residual forces are zero.
 

@@ -6,7 +6,9 @@ polynomials L_j, orthonormal on [0, 1]:
     eps_j = 1/(std sqrt(h)) * integral over the interval of L_j(tau) w dt,        j = 0 .. K - 1
 
 White noise of spectral density std^2 gives independent eps_j of variance one, so the cost 1/2 sum eps_j^2 is
-1/2 int (w/std)^2 dt for what the interval can resolve, j = 0 being the impulse. An equation without residual force has
+1/2 int (w/std)^2 dt for what the interval can resolve, j = 0 being the impulse. A sensor that reads a force at once (an accelerometer)
+would read white noise as infinite, and its moments in an interval of one sample as four times what the samples can hold; there the force
+is held from row to row, and eps_j has less variance (`Horizon.held_share`). An equation without residual force has
 all its K moments at zero. Unknowns and moments are equal in number (`interpolation.py`), so as std -> 0 only the initial
 values and the parameters stay free, and the method becomes the Petrov-Galerkin method with C1 trial functions: collocation at
 Gauss points when the integrand is smooth, of order 2 K at the knots (de Boor & Swartz, SIAM J. Numer. Anal. 10, 1973).
@@ -24,6 +26,8 @@ from .interpolation import Interpolation, spline_interpolation
 from .pieces import Pieces
 from .polynomials import Array, gauss, legendre
 from .terms import Term, stacked
+
+LEAST_SHARE = 0.01  # of the variance of a moment: 3 % more at a sample than a held force has, and not yet a constraint
 
 
 def pairs(dae: Dae) -> tuple[tuple[int, int, int], ...]:
@@ -52,7 +56,9 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     moments = (weights * legendre(degree, places)).T
     data = np.hstack([h.point_data(degree, places) for h in pieces.horizons])
     terms = []
-    for name, rows, scale in (("balances", soft, 1.0 / std), ("equations", hard, np.ones(len(hard)))):
+    held = np.where(pieces.read_at_once()[:, None], np.hstack([h.held_share(degree) for h in pieces.horizons])[:, None, :], 1.0)
+    room = std[:, None] * np.sqrt(np.maximum(held, LEAST_SHARE))  # (K, n_soft, N)
+    for name, rows, deviation in (("balances", soft, room), ("equations", hard, np.ones((degree, len(hard), len(steps))))):
         if rows:
             expression = pieces.balances() if name == "balances" else dae.residual[rows]
             terms.append(
@@ -64,7 +70,7 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
                     moments=moments,
                     data=stacked(data, len(steps)),
                     target=np.zeros((degree * len(rows), len(steps))),
-                    scale=np.tile(scale, degree)[:, None] * np.sqrt(steps),
+                    scale=np.sqrt(steps) / deviation.reshape(-1, len(steps)),
                     equality=name == "equations",
                     heavy=name == "balances",
                 )

@@ -68,13 +68,17 @@ class Transcription:
                 return np.asarray(self.force_std[:, None] * term.scale[:n] / now[:n], dtype=np.float64)
         return np.empty((0, len(self.nlp.steps)))
 
-    def with_force_std(self, values: Values, factor: Array) -> Values:
-        """The program's numbers with the residual forces' standard deviations multiplied, factor (n_soft, N) or (n_soft, 1)."""
-        scale = tuple(
-            s / np.tile(factor, (len(s) // len(self.soft), 1)) if self.soft and t.name == self.force_term else s
-            for t, s in zip(self.nlp.terms, values.scale, strict=True)
-        )
-        return replace(values, scale=scale)
+    def with_force_std(self, values: Values, factor: Array, jumps: Array | None = None) -> Values:
+        """The program's numbers with the residual forces' standard deviations multiplied, factor (n_soft, N) or (n_soft, 1).
+
+        jumps (n_soft, N): where a force may change inside an interval, so that all moments have the first one's deviation.
+        """
+        out, n = list(values.scale), len(self.soft)
+        for k, term in enumerate(self.nlp.terms):
+            if n and term.name == self.force_term:
+                s = out[k].reshape(-1, n, out[k].shape[1]) / factor
+                out[k] = (np.where(jumps, s[0], s) if jumps is not None and self.method == "spline" else s).reshape(out[k].shape)
+        return replace(values, scale=tuple(out))
 
     @property
     def starts(self) -> NDArray[np.int64]:

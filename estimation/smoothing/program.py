@@ -122,7 +122,8 @@ def _numbered(
     knots = [h.mesh.knots for h in transcription.horizons]
     at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
     std, made = np.array([force_std[k] for k in transcription.soft]), transcription.force_std
-    values = transcription.with_force_std(values, with_room(std, at_rest) / made[:, None] * input_spread(problem, transcription))
+    room = with_room(std, at_rest) / made[:, None] * input_spread(problem, transcription)
+    values = transcription.with_force_std(values, room, jumps=at_rest > 0)
     lower, upper = decision_bounds(problem, transcription)
     return Program(
         transcription=transcription,
