@@ -187,3 +187,22 @@ def test_what_the_projection_leaves_of_the_input_at_the_samples_is_their_differe
                 projected += (2 * j + 1) * moment * eval_legendre(j, 2 * tau[here] - 1)
             np.testing.assert_allclose(found[i, here], held(h, i, h.time[here]) - projected, atol=1e-9)
             assert h.unresolved_step(degree)[i, k] == pytest.approx(np.max(np.abs(found[i, here]), initial=0.0))
+
+
+def test_a_force_held_from_row_to_row_has_the_share_of_white_noise_that_its_projections_show():
+    """By the moments of many random held forces; first for intervals of 1, 2 and 5 rows by hand: 1 - 1/n^2 of the second moment."""
+    time = np.arange(9) * 0.1
+    h = replace(
+        horizon(), time=time, mesh=Mesh(time[[0, 1, 3, 8]]), inputs=np.zeros((9, 1)), target=np.zeros((9, 1)), target_std=np.ones((9, 1))
+    )
+    np.testing.assert_allclose(h.held_share(2), [[1, 1, 1], [0, 3 / 4, 24 / 25]], atol=1e-12)
+    uneven = horizon(seed=3)
+    share, draws, rng = uneven.held_share(3), 40_000, np.random.default_rng(0)
+    np.testing.assert_allclose(share[0], 1.0, rtol=1e-12)
+    for i, (a, b) in enumerate(pairwise(uneven.mesh.knots)):
+        edges = np.unique(np.concatenate([[a, b], uneven.time[(uneven.time > a) & (uneven.time < b)]]))
+        force = rng.normal(size=(draws, len(edges) - 1)) / np.sqrt(np.diff(edges))
+        for j in range(3):
+            antiderivative = np.polynomial.Legendre.basis(j, domain=[a, b]).integ()(edges)
+            moment = force @ np.diff(antiderivative) * np.sqrt((2 * j + 1) / (b - a))
+            assert np.var(moment) == pytest.approx(share[j, i], abs=5 * np.sqrt(2 / draws))

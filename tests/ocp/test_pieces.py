@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from examples import M, compiled, number, oscillator, random_horizon
+from examples import M, compiled, number, oscillator, random_horizon, shaken
 
 from backsight.models import Dae
 from backsight.models.augmentation import coloured, drifting, measured_input
+from backsight.ocp import Horizon
 from backsight.ocp.pieces import Pieces
 from backsight.ocp.spline import interpolation
 
@@ -53,3 +56,17 @@ def test_an_inertia_that_drifts_is_measured_by_its_entry_among_the_parameters():
 def test_at_the_reference_the_rows_are_the_balances_themselves():
     plain, scaled = rows(measured_input(coloured(PLANT, "mass", 0.1), "F"), M)
     assert scaled == pytest.approx(plain)
+
+
+def test_a_force_is_read_at_once_by_an_accelerometer_that_is_sampled_and_by_no_encoder():
+    dae = compiled(shaken())
+    horizon = random_horizon(dae, 1)
+
+    def told(horizon: Horizon) -> list[bool]:
+        return list(Pieces(dae, interpolation(dae, 2, 1), (horizon,), (0, horizon.mesh.count), (0,)).read_at_once())
+
+    assert told(horizon) == [True]
+    accelerometer = [q.name for q in dae.outputs].index("a")
+    without = horizon.target.copy()
+    without[:, accelerometer] = np.nan
+    assert told(replace(horizon, target=without)) == [False]
