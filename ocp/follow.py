@@ -42,13 +42,14 @@ class Followed:
     """Trajectories that follow the samples: splines through them, or the solution of a program.
 
     transcription: whose unknowns they are (of the thinned samples, say); horizons: the full ones; decisions (n,) or more; mean_square:
-    of the scaled differences left by splines.
+    of the scaled differences left by splines. covariance (N, local, local): of every interval's unknowns, where it is known.
     """
 
     transcription: Transcription
     horizons: tuple[Horizon, ...]
     decisions: Array
     mean_square: float = 0.0
+    covariance: Array | None = None
 
     def at(self, number: int, times: Array) -> tuple[Array, Array, Array]:
         """x' and x (nx, M) and z (nz, M) of horizon `number` at any times."""
@@ -58,6 +59,18 @@ class Followed:
         local = t.nlp.local(self.decisions)[:, interval + t.offsets[number]]
         v = ip.apply(ip.values(tau, mesh.steps[interval]), local)
         return v[: ip.states], v[ip.states : 2 * ip.states], v[2 * ip.states : 2 * ip.states + ip.algebraics]
+
+    def spread(self, number: int, times: Array, slope: Array) -> Array:
+        """Standard deviations (M,) of a function of (x', x, z) with these derivatives (2 nx + nz, M); 0 where none is known."""
+        if self.covariance is None:
+            return np.zeros(len(times))
+        t = self.transcription
+        mesh, ip = t.horizons[number].mesh, t.nlp.interpolation
+        interval, tau = mesh.locate(times)
+        T = ip.matrix(ip.values(tau, mesh.steps[interval]))[:, : len(slope)]
+        row = np.einsum("im,mil->ml", slope, T)
+        variance = np.einsum("mi,mij,mj->m", row, self.covariance[interval + t.offsets[number]], row, optimize=True)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
 
 
 def follow(dae: Dae, horizons: Sequence[Horizon], parameters: Array, *, degree: int = 2) -> Followed:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.ndimage import binary_propagation
 
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
@@ -20,6 +21,7 @@ from .along import along
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
+DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
 ROOM = 50.0  # factor on the standard deviation of a residual force near rest, at least
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
 TINY = 1e-300  # strength that still marks an interval near rest
@@ -86,7 +88,9 @@ def open_at_rest(
     """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
 
     A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h). An
-    interval is near rest when the velocity of a law falls below NEAR widths in it, or below its own change over the interval.
+    interval is near rest when the velocity of a law falls below its own change over the interval, or below NEAR widths; and from there on
+    as long as it cannot be told from zero: while a body stands still, its estimated velocity is noise, of which the law would make
+    forces of either sign.
     """
     strengths = [_strengths(problem, law, followed, parameters) for law in laws]
     parts = []
@@ -96,13 +100,24 @@ def open_at_rest(
             times = np.concatenate([own[:-1], (own[1:] + own[:-1]) / 2, own[1:]])
             v = along(problem.dae, problem.dae.variables[law.velocity], followed, number, times, parameters).reshape(3, -1)
             change = v.max(axis=0) - v.min(axis=0)
+            doubt = DOUBT * _velocity_std(problem, law, followed, number, times, parameters).reshape(3, -1).max(axis=0)
             least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
-            near = least <= np.maximum(NEAR * parameters[law.width], change)
+            slow = least <= NEAR * parameters[law.width]
+            near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt))
             for place, f in zip(law.places, strength, strict=True):
                 if place in soft:
                     part[soft.index(place), near] += max(f, TINY) * np.sqrt(np.diff(own))[near]
         parts.append(part)
     return np.hstack(parts)
+
+
+def _velocity_std(problem: Problem, law: FrictionLaw, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
+    """Standard deviation of a law's velocity along the followed trajectory, (M,); 0 where nobody knows it."""
+    if followed.covariance is None:
+        return np.zeros(len(times))
+    dae = problem.dae
+    slope = ca.jacobian(dae.variables[law.velocity], ca.vertcat(dae.dx, dae.x, dae.z)).T
+    return followed.spread(number, times, along(dae, slope, followed, number, times, parameters))
 
 
 def with_room(force_std: Array, at_rest: Array) -> Array:

@@ -204,7 +204,9 @@ class _Work:
 
 
 def _followed(solution: Solution) -> Followed:
-    return Followed(transcription=solution.transcription, horizons=solution.transcription.horizons, decisions=solution.solved.decisions)
+    t, local = solution.transcription, slice(solution.transcription.nlp.interpolation.local)
+    covariance = None if solution.curvature is None else solution.interval_covariance[:, local, local]
+    return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, covariance=covariance)
 
 
 def _intervals(horizons: Sequence[Horizon]) -> int:

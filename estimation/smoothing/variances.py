@@ -28,7 +28,7 @@ Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 ROUNDS = 12
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
 LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a fit that swallows the noise
-LEAST_FREEDOM = 0.02  # of the rows, so that a variance cannot collapse onto a fit that explains everything
+UNTOLD = 0.1  # of a row: what a family always has of freedom and of squares, so that one that nothing tells about stays as it is
 BOLDEST = 4.0  # times the fixed point's own step, at most
 STALLED = 1e-6  # relative change of the cost over a whole round: what is left is rounding
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
@@ -174,5 +174,4 @@ def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> tuple
         freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
     count = np.count_nonzero(there)
     exact = bool(freedom > (1.0 - CHOSEN) * count and squares < NOTHING)
-    freedom = max(freedom, LEAST_FREEDOM * count)
-    return float(np.sqrt(max(squares, 1e-12 * freedom) / freedom)), exact
+    return float(np.sqrt((squares + UNTOLD) / (max(freedom, 0.0) + UNTOLD))), exact

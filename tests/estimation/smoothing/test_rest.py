@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,31 @@ def test_room_is_given_where_the_axis_is_slow_and_nowhere_else():
     still, fast = (v[1:] == 0.0) & (v[:-1] == 0.0), (np.abs(v[1:]) > 0.05) & (np.abs(v[:-1]) > 0.05)
     assert np.mean(std[0, still] > 0) > 0.9
     assert np.all(std[0, fast] == 0.0)
+
+
+def test_room_reaches_as_far_as_the_velocity_cannot_be_told_from_zero():
+    """v = +-(t - 1/2)^2, known to 0.04/3: less than three deviations from 0.3 s to 0.7 s. Elsewhere a doubt that no rest is next to."""
+    time = np.linspace(0.0, 1.0, 101)
+    recording = Recording(name="axis", time=time, inputs={"F": np.zeros(101)}, outputs={"x": np.zeros(101)}, output_std={"x": 2e-6})
+    problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
+    begun = followed(recording)
+    t, knots = begun.transcription, begun.transcription.horizons[0].mesh.knots
+    names, local, nx = [q.name for q in DAE.states], t.nlp.interpolation.local, t.nlp.interpolation.states
+    decisions, covariance = np.zeros(t.nlp.size), np.zeros((len(knots) - 1, local, local))
+    since = knots - 0.5
+    for name, course in (("carriage.s", np.abs(since) ** 3 / 3), ("carriage.v", np.sign(since) * since**2)):
+        i = names.index(name)
+        decisions[t.nlp.index[i]], decisions[t.nlp.index[i - nx]] = course[:-1], course[1:]
+    middle, v = (knots[1:] + knots[:-1]) / 2, names.index("carriage.v")
+    covariance[:, v, v] = covariance[:, v - nx, v - nx] = np.where(np.abs(middle - 0.95) < 0.02, 10.0, 0.04 / 3) ** 2
+    values = problem.values
+    (law,) = friction_laws(problem)
+    values[law.width] = 1e-5
+    std = open_at_rest(problem, (law,), replace(begun, decisions=decisions, covariance=covariance), [knots], (0,), values)
+    opened = middle[std[0] > 0]
+    assert opened.min() == pytest.approx(0.3, abs=0.011)
+    assert opened.max() == pytest.approx(0.7, abs=0.011)
+    assert len(opened) == pytest.approx(0.4 * len(middle), abs=2)
 
 
 def test_a_friction_that_is_fixed_at_zero_is_no_law():

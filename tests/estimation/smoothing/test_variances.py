@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, D, K, M, compiled, oscillator
+from examples import OFFSET, D, K, M, compiled, oscillator, shaken
+from scipy.optimize import minimize_scalar
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.smoothing.program import Settings
 from backsight.models import Dae
 
 PLANT, MODEL = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator())
@@ -41,6 +43,62 @@ def test_the_chosen_deviations_are_the_true_ones_within_their_sampling_error(ope
     assert np.all(np.abs(ratio[:, 1] - 1) < 0.15), ratio[:, 1]
     # the mean of six: the joint mode and the tolerance of the iteration are allowed a tenth
     assert np.all(np.abs(ratio.mean(axis=0) - 1) < [0.1, 0.06]), ratio.mean(axis=0)
+
+
+def most_likely(y: np.ndarray, step: float) -> float:
+    """The standard deviation of the force at which y (n,), less what any start and any constant explain, is most probable: dense REML.
+
+    y = free motion + sum of what the force of every step leaves behind + noise, all parameters known.
+    """
+    A, B, G = PLANT.matrices
+    phi, gamma = truths.discrete(A, B, step)
+    n, powers = len(y), [np.eye(2)]
+    for _ in range(n):
+        powers.append(phi @ powers[-1])
+    response = np.array([p[0] for p in powers])  # of the position to a state k steps ago
+    Q = truths.noise_covariance(A, G, 1.0, step)
+    left = [np.concatenate([np.zeros((k + 1, 2)), response[: n - k - 1]]) for k in range(n - 1)]
+    covariance = sum(r @ Q @ r.T for r in left)
+    known = np.cumsum(np.concatenate([[0.0], (response[: n - 1] @ gamma)[:, 1]]))
+    kept = np.linalg.qr(response[:n], mode="complete")[0][:, 2:]
+    values, vectors = np.linalg.eigh(kept.T @ covariance @ kept)
+    z = vectors.T @ kept.T @ (y - known)
+
+    def unlikely(log_std: float) -> float:
+        variance = np.exp(2 * log_std) * values + STD**2
+        return float(np.sum(z**2 / variance + np.log(variance)))
+
+    return float(np.exp(minimize_scalar(unlikely, bounds=(np.log(1e-4), np.log(1.0)), method="bounded").x))
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3, 4])  # with seed 1 no force at all is most likely
+def test_a_force_of_which_the_record_tells_little_gets_the_weight_that_is_most_likely(seed):
+    """Five or ten of eight hundred rows are told at all: a rule that counts more of them would end at no force."""
+    rng, n = np.random.default_rng(seed), 400
+    time = 0.01 * np.arange(n)
+    y = truths.disturbed(PLANT, time, np.zeros(n), np.array([0.02, -0.1]), 0.008, rng)[:, 0] + STD * rng.normal(size=n)
+    recording = Recording(name="run", time=time, inputs={"F": np.zeros(n)}, outputs={"x": y}, output_std={"x": STD})
+    found = smooth(Problem(model=MODEL, recordings=[recording], parameters={"offset.f": OFFSET}), settings=Settings(step=0.01))
+    best = most_likely(y, 0.01)
+    assert best > 2e-3
+    assert found.weights.W["mass"] == pytest.approx(best, rel=0.15)
+
+
+def test_beside_an_accelerometer_the_force_that_it_reads_gets_its_own_deviation():
+    """A force held from row to row, 0.2 m/s2 in a reading whose noise is 0.1: told by the position and by the accelerometer."""
+    found, force_std, step, n, plant = [], 0.2 * M * np.sqrt(0.01), 0.01, 400, compiled(shaken())
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        time, u = step * np.arange(n), 20 * np.sign(np.sin(np.arange(n) * 0.0483 + seed))
+        force = u + force_std / np.sqrt(step) * rng.normal(size=n)
+        x = truths.disturbed(PLANT, time, force, np.zeros(2), 0.0, rng)
+        A, B, _ = PLANT.matrices
+        a = (x @ A.T + np.column_stack([force, np.ones(n)]) @ B.T)[:, 1]
+        y = {"x": x[:, 0] + STD * rng.normal(size=n), "a": a + 0.1 * rng.normal(size=n)}
+        recording = Recording(name="run", time=time, inputs={"F": u}, outputs=y, output_std={"x": STD, "a": 0.1})
+        free = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
+        found.append(smooth(Problem(model=plant, recordings=[recording], parameters=free)).weights.W["mass"] / force_std)
+    assert np.all(np.abs(np.array(found) - 1) < 0.2), found
 
 
 def test_weights_that_are_given_are_left_alone():
