@@ -186,8 +186,11 @@ class Problem:
 
     @cached_property
     def split(self) -> Problem:
-        """The same, with a parameter for every recording where each has its own (`supposed.py`). Itself where none has."""
-        return supposed.split(self)
+        """The same, with a parameter for every recording where each has its own, and without states that nothing depends on.
+
+        (`supposed.py`.) Itself where there are none.
+        """
+        return supposed.split(supposed.lean(self))
 
     @cached_property
     def plain(self) -> Problem:

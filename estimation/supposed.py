@@ -6,7 +6,8 @@
     Free(drift)            drifting(parameter)               density drift^2; guess, std and bounds are those of the state
     W of kinematics:...    relaxed_kinematics(state)
 
-In the posed problem states, places and parameters of the model keep their indices (`models/augmentation/`).
+In the posed problem places and parameters of the model keep their indices, and states their order (`models/augmentation/`); states that
+nothing depends on are left out (`models/quadratures.py`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from backsight.models import Dae
 from backsight.models.augmentation import by_case, coloured, drifting, measured_input, relaxed_kinematics, stationary_std, white_std
 from backsight.models.augmentation.parameters import case_name
+from backsight.models.quadratures import Ignorable, ignorable, without_ignorable
 
 if TYPE_CHECKING:
     from backsight.ocp import Transcription
@@ -40,6 +42,17 @@ def noisy_inputs(problem: Problem) -> dict[str, float]:
     """Input -> std of its recorded values, where it has one. A name that is also an output's means the output."""
     outputs = {q.name for q in problem.dae.outputs}
     return {q.name: problem.weights.V[q.name] for q in problem.dae.inputs if q.name in problem.weights.V and q.name not in outputs}
+
+
+def lean(problem: Problem) -> Problem:
+    """The problem without states that nothing depends on and of which nothing is known; itself where it has none."""
+    dae = without_ignorable(problem.dae, {*problem.initial, *problem.bounds})
+    return problem if dae is problem.dae else replace(problem, model=dae)
+
+
+def left_out(problem: Problem) -> tuple[Ignorable, ...]:
+    """The states of the problem's model that `lean` leaves out."""
+    return ignorable(problem.dae, {*problem.initial, *problem.bounds})
 
 
 def split(problem: Problem) -> Problem:

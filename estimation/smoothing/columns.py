@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from backsight.models.quadratures import integrated
 from backsight.ocp import Solution
+from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import legendre
 
 from ..problem import Problem
 from ..recordings.recording import Recording
-from ..supposed import noisy_inputs
+from ..supposed import left_out, noisy_inputs
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -21,6 +23,7 @@ def columns(problem: Problem, solution: Solution, number: int, recording: Record
     """
     piece, s = problem.fitted[number], solution.sampled(number)
     states = {q.name: (s.states[:, i], s.states_std[:, i]) for i, q in enumerate(problem.posed.dae.states)}
+    states |= _left_out(problem, solution, number)
     out: dict[str, Array] = {"t_s": piece.time}
     for i, q in enumerate(problem.dae.outputs):
         out[q.name] = s.outputs[:, i]
@@ -53,6 +56,20 @@ def places(problem: Problem) -> dict[str, str]:
     """Places of residual forces that the user knows -> their units."""
     own = {p.name for p in problem.dae.places} | problem.weights.W.keys()
     return {p.name: p.unit for p in problem.posed.dae.places if p.name in own}
+
+
+def _left_out(problem: Problem, solution: Solution, number: int) -> dict[str, tuple[Array, Array]]:
+    """The states that nothing depends on, from a start of no meaning: how far they went is told, where they were is not."""
+    gone = left_out(problem)
+    if not gone:
+        return {}
+    t, dae, time = solution.transcription, problem.dae, solution.transcription.horizons[number].time
+    both = np.interp(np.arange(2 * len(time) - 1) / 2, np.arange(len(time)), time)  # the samples, and the middle between them
+    found = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions).at(number, both)[1]
+    rows = {q.name: row for q, row in zip(problem.posed.dae.states, found, strict=True)}
+    x = np.array([rows.get(q.name, np.zeros(len(both))) for q in dae.states])
+    values = integrated(dae, gone, time, x)
+    return {dae.states[g.state].name: (value, np.full(len(time), np.inf)) for g, value in zip(gone, values, strict=True)}
 
 
 def _acting(problem: Problem, solution: Solution, number: int, name: str) -> tuple[Array, Array]:

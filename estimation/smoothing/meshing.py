@@ -8,12 +8,13 @@ import numpy as np
 
 from backsight.ocp import Horizon
 from backsight.ocp.follow import MET, Followed, follow
-from backsight.ocp.linear import direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
+from backsight.ocp.linear import Linear, direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
 
 from ..problem import Problem
 from ..recordings.outliers import screened
 from ..recordings.recording import Recording
 from .horizons import make_horizon, sample_density, sampling_interval
+from .variances import UNDECIDED
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -30,8 +31,8 @@ UNFELT = 0.02  # of what all samples together resolve: residual forces that move
 class Meshed:
     """Horizons on their meshes; rigid: whether the weights W leave the residual forces no room.
 
-    least_std: place -> std of a residual force that moves some output by no more than all its samples together resolve: no smaller
-    one can be told from none.
+    least_std: place -> std of a residual force that moves some output, or adds to its noise, by no more than all its samples together
+    resolve: no smaller one can be told from none.
     """
 
     horizons: list[Horizon]
@@ -87,7 +88,9 @@ def mesh(
         dt, rate = sampling_interval(recording), fastest_rate(places, std, density)
         span = float(recording.time[-1] - recording.time[0])
         resolved = np.sqrt(density / span)  # what the mean of all samples of an output tells
-        felt = np.max(driven_outputs(places, span) / resolved[:, None], axis=0)  # of a force of std one, over what can be felt
+        # of a force of std one, over what can be felt
+        felt = np.max(driven_outputs(places, span) / resolved[:, None], axis=0)
+        felt = np.maximum(felt, _felt_as_noise(places, density, len(recording.time)))
         rigid_here = bool(np.all(felt * std < UNFELT))
         least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
         longest = 1.0 if rigid_here or direct_share(places, std, density) > DIRECT else LONGEST
@@ -104,3 +107,13 @@ def mesh(
         horizons.append(made)
         rigid &= rigid_here
     return Meshed(horizons=horizons, rigid=rigid, least_std={k: float(s) for k, s in zip(soft, least, strict=True) if np.isfinite(s)})
+
+
+def _felt_as_noise(places: Linear, density: Array, samples: int) -> Array:
+    """What a residual force of std one that enters a reading at once adds to its noise, over what n samples tell of that, (n_soft,).
+
+    A force of std s adds s^2 D^2 to the density R of the noise, of which n samples tell the share sqrt(2/n), and UNDECIDED of that is
+    nothing: felt where (s felt)^2 > 1.
+    """
+    entering = np.median(places.D**2, axis=0) / density[:, None]
+    return np.asarray(np.sqrt(np.max(entering, axis=0, initial=0.0) / (UNDECIDED * np.sqrt(2.0 / samples))), dtype=np.float64)

@@ -12,7 +12,7 @@ from backsight.ocp import Solution
 from ..problem import Problem
 from ..recordings.gaps import gap_note
 from ..results import OutputFit, ResidualSummary
-from ..supposed import INPUT
+from ..supposed import INPUT, left_out
 from ..wording import listed
 from .mesh_error import allowed
 from .outliers import outlier_notes
@@ -41,6 +41,7 @@ def notes(
         *_on_forces(problem, run),
         *supposed_notes(problem),
         *_on_the_answer(problem.posed, run),
+        *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution),
         *on_errors(fit),
@@ -121,6 +122,13 @@ def _on_forces(problem: Problem, run: Run) -> list[str]:
             "The weights from the data moved far from the first ones: the mesh was chosen anew for them, and they once more on it."
         )
     return found
+
+
+def _on_what_is_left_out(problem: Problem) -> list[str]:
+    names = [problem.dae.states[g.state].name for g in left_out(problem)]
+    if not names:
+        return []
+    return [f"No equation and no output depends on {listed(names)}: they are told from an arbitrary start."]
 
 
 def _on_the_answer(problem: Problem, run: Run) -> list[str]:

@@ -29,6 +29,7 @@ ROUNDS = 12
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
 LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a fit that swallows the noise
 UNTOLD = 0.1  # of a row: what a family always has of freedom and of squares, so that one that nothing tells about stays as it is
+UNDECIDED = 0.3  # of the deviation of a log-likelihood's slope: a residual force's std that is nearer to its best cannot be told from it
 BOLDEST = 4.0  # times the fixed point's own step, at most
 STALLED = 1e-6  # relative change of the cost over a whole round: what is left is rounding
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
@@ -123,9 +124,9 @@ class Family:
 
     def step(self, solution: Solution) -> float:
         """Move towards ratio = 1; returns the size of the move."""
-        ratio, exact = _ratio(solution, self.term, self.row, self.columns)
-        if self.term != "samples" and exact:
-            return 0.0  # less room would change nothing
+        ratio, settled = _ratio(solution, self.term, self.row, self.columns)
+        if self.term != "samples" and settled:
+            return 0.0
         wanted = float(np.log(ratio))
         move = wanted
         if self._last is not None and self.log != self._last[0]:
@@ -159,9 +160,10 @@ def _weighted(values: Values, transcription: Transcription, at_rest: Array, forc
 
 
 def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> tuple[float, bool]:
-    """Factor by which the standard deviation of family i of a term should change, and whether its rows are zero all but exactly.
+    """Factor by which the standard deviation of family i of a term should change, and whether no change would be felt.
 
-    Rows that the fit cannot choose, and yet cost nothing, are those of an equation that holds as it stands.
+    Rows that the fit cannot choose, and yet cost nothing, are those of an equation that holds as it stands. The slope of the log-likelihood
+    in log s is  sum r^2 - sum (1 - l),  of variance 2 sum (1 - l): where it is small beside that, s is as good as any other nearby.
     """
     number = solution.term(term)
     families = len(solution.transcription.dae.outputs) if term == "samples" else len(solution.transcription.soft)
@@ -174,4 +176,6 @@ def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> tuple
         freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
     count = np.count_nonzero(there)
     exact = bool(freedom > (1.0 - CHOSEN) * count and squares < NOTHING)
-    return float(np.sqrt((squares + UNTOLD) / (max(freedom, 0.0) + UNTOLD))), exact
+    # of a force, where the likelihood's slope cannot be told from none, another std would be no better
+    undecided = term != "samples" and abs(squares - freedom) < UNDECIDED * np.sqrt(2.0 * max(freedom, 0.0))
+    return float(np.sqrt((squares + UNTOLD) / (max(freedom, 0.0) + UNTOLD))), exact or undecided

@@ -9,8 +9,10 @@ from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Weights
 from backsight.estimation.smoothing.horizons import make_horizon, output_stds
-from backsight.estimation.smoothing.meshing import FINEST, LONGEST, Meshed, longest_step, mesh
+from backsight.estimation.smoothing.meshing import FINEST, LONGEST, Meshed, _felt_as_noise, longest_step, mesh
+from backsight.estimation.smoothing.variances import UNDECIDED
 from backsight.ocp.follow import follow
+from backsight.ocp.linear import Linear
 
 PLANT, MODEL = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator())
 
@@ -53,3 +55,14 @@ def test_weights_that_leave_no_room_are_called_rigid():
 def test_the_least_force_that_can_be_felt_scales_with_the_noise():
     one, ten = (meshed(0.3, std=s, jumps=100.0).least_std[0] for s in (1e-4, 1e-3))
     assert ten / one == pytest.approx(10.0, rel=0.05)
+
+
+def test_a_force_that_a_reading_takes_at_once_is_felt_as_noise():
+    """Drawn a thousand times: at the least std that is felt, the readings' mean square is above the noise's by UNDECIDED deviations."""
+    rng, n, dt, noise, D = np.random.default_rng(2), 500, 0.02, 0.05, np.array([[0.7], [0.0]])
+    zero = np.zeros((3, 1, 1))
+    places = Linear(A=zero, B=zero, G=zero, C=np.zeros((3, 2, 1)), D=np.broadcast_to(D, (3, 2, 1)), E=np.zeros((3, 2, 1)))
+    (felt,) = _felt_as_noise(places, np.array([noise**2 * dt, np.inf]), n)
+    force = rng.normal(size=(4000, n)) / felt / np.sqrt(dt)  # white, held over a sampling interval
+    mean_square = np.mean((D[0, 0] * force + noise * rng.normal(size=force.shape)) ** 2, axis=1) / noise**2
+    assert np.mean(mean_square - 1) / np.sqrt(2 / n) == pytest.approx(UNDECIDED, abs=0.06)

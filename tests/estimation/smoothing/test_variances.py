@@ -101,6 +101,19 @@ def test_beside_an_accelerometer_the_force_that_it_reads_gets_its_own_deviation(
     assert np.all(np.abs(np.array(found) - 1) < 0.2), found
 
 
+def test_a_force_is_as_strong_on_a_fine_mesh_as_on_a_coarse_one():
+    """It is slow: the data tell some 35 numbers about it, of 400 rows or of 3 200."""
+    rng = np.random.default_rng(1)
+    time, u = 0.01 * np.arange(400), 20 * np.sign(np.sin(np.arange(400) * 0.0483 + 1))
+    y = truths.disturbed(PLANT, time, u, np.array([0.02, -0.1]), 0.1, rng)[:, 0] + STD * rng.normal(size=400)
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD})
+    known = {"mass.m": M, "spring.k": K, "damper.d": D, "offset.f": OFFSET}
+    problem = Problem(model=MODEL, recordings=[recording], parameters=known)
+    coarse, fine = (smooth(problem, settings=Settings(step=step)).weights.W["mass"] for step in (0.02, 0.0025))
+    assert fine == pytest.approx(coarse, rel=0.05)
+    assert coarse == pytest.approx(0.1, rel=0.3)
+
+
 def test_weights_that_are_given_are_left_alone():
     s = fitted(0, 0.3, "")
     assert s.weights.W == {"mass": 0.3}
