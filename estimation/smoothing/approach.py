@@ -3,7 +3,7 @@
 A balance that may be off by as much as its own largest force binds nothing, one that may not be off at all binds guesses that are wrong.
 So the residual forces get room for a share of the forces at their place, white from interval to interval,
 
-    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.3, 0.1, 0.03, 0.01
+    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.56, 0.32, 0.18, 0.1, .. 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
 velocity. A parameter is held near its first guess by a prior twice as wide as that, so that none runs away while little is known.
@@ -32,12 +32,12 @@ from .program import Program, Settings, make_program, renewed
 from .rest import ROUNDING, FrictionLaw, rms_velocity
 from .unseen import complete, unseen_states
 
-SHARES = (1.0, 0.3, 0.1, 0.03, 0.01)
+SHARES = (1.0, 0.56, 0.32, 0.18, 0.1, 0.056, 0.032, 0.018, 0.01)  # four a decade: a friction law three times as sharp has other valleys
 TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
-TOLD = 0.05  # share at which a descent without strain is right
 TIGHT = 0.1  # share from which on a descent waits for convergence
-BATCHES = 4  # of Gauss-Newton steps at such a share, at most
+BATCHES = 4  # of Gauss-Newton steps at such a share, at most, and
+PAID = 0.01  # the share of the cost that one must save for another one to be worth its while
 STARTS = 3  # descents, at most
 SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
@@ -80,7 +80,7 @@ def approach(
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
         begun = complete(problem, followed, laws, start) if hidden else followed
         found.append(_descent(problem, begun, laws, start, least, say))
-        if found[-1].share <= TOLD:
+        if found[-1].share <= SHARES[-1]:
             break
     best = min(found, key=lambda way: (way.share, way.unlikely))
     for law in laws:
@@ -112,15 +112,16 @@ def _descent(
             settings = Settings(options=OPTIONS, method="spline")
             program = make_program(near, settings, horizons, followed, laws, std, rounded, rounded)
             followed = _followed(_held(program).solve(program.start, program.values, False, _silent), followed)
+        cost = np.inf
         for _ in range(BATCHES if share <= TIGHT else 1):
             program = renewed(program, near, followed, laws, std, rounded, rounded)
             solution = program.solve(program.start, program.values, False, _silent)
             if not np.all(np.isfinite(solution.solved.decisions)):
                 break
             followed, rounded = _followed(solution, followed), solution.parameters
-            if solution.solved.status.converged:
+            before, cost = cost, solution.solved.cost
+            if solution.solved.status.converged or cost > (1.0 - PAID) * before:
                 break
-        cost = solution.solved.cost
         say(f"balances within {100 * share:.0f} % of their forces: cost {cost:.6g}")
         best = min(best, cost)
         if way is not None and not 2 * (cost - best) <= STRAINED * count:

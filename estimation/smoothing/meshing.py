@@ -12,7 +12,6 @@ from backsight.ocp.linear import Linear, direct_share, driven_outputs, fastest_r
 
 from ..problem import Problem
 from ..recordings.outliers import screened
-from ..recordings.recording import Recording
 from .horizons import make_horizon, sample_density, sampling_interval
 from .variances import UNDECIDED
 
@@ -20,8 +19,10 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 RESOLUTION = 0.8  # mesh step times the fastest mode of the smoother
 LONGEST = 5.0  # mesh step over the sampling interval, at most
+FOLLOWED = (5, 2, 1)  # sampling intervals in one of the mesh on which samples are followed: whole ones, for an input steps at samples
 FINEST = 0.5  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
+STEPS_FOLLOWED = 1.0  # the same where samples are but followed
 LOOKED_AT = 40  # places of a recording where the model is linearised
 DIRECT = 0.02  # share of a reading's noise that may be a force that enters it at once before the mesh must resolve it at every sample
 UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
@@ -40,26 +41,49 @@ class Meshed:
     least_std: dict[int, float]
 
 
-def longest_step(recording: Recording) -> float:
-    """The coarsest mesh step allowed for a recording [s]."""
-    return LONGEST * sampling_interval(recording)
-
-
 def follow_closely(problem: Problem, stds: list[dict[str, float]], step: float | None) -> Followed:
     """Splines through the samples on the coarsest mesh on which they meet them, of LONGEST sampling intervals at most and one at least.
 
-    A given step [s] is taken as it is. On this mesh parameters and weights are found before the mesh that they ask for.
+    A given step [s] is taken as it is. On this mesh parameters and weights are found before the mesh that they ask for. So it has
+    knots where the held input steps, if an output notices: inside an interval a balance that is a mean over it would read the step
+    as a force, and the parameters would bend to explain it.
     """
-    share = 1.0
-    while True:
-        steps = [step or max(share * longest_step(r), sampling_interval(r)) for r in problem.fitted]
+    for count in FOLLOWED:
         horizons = [
-            make_horizon(problem.dae, screened(r), std, problem.start, h) for r, std, h in zip(problem.fitted, stds, steps, strict=True)
+            make_horizon(problem.dae, screened(r), std, problem.start, step or count * sampling_interval(r))
+            for r, std in zip(problem.fitted, stds, strict=True)
         ]
         followed = follow(problem.dae, horizons, problem.values)
-        if step or followed.mean_square <= MET or share < 1.0 / LONGEST:
-            return followed
-        share /= 2.0
+        if step is None and followed.mean_square <= MET:
+            split = _stepping_at_knots(problem, followed, stds)
+            followed = followed if split is None else follow(problem.dae, split, problem.values)
+        if step or followed.mean_square <= MET:
+            break
+    return followed
+
+
+def _stepping_at_knots(problem: Problem, followed: Followed, stds: list[dict[str, float]]) -> list[Horizon] | None:
+    """The horizons with knots at the input's steps that an output notices; None where there are none."""
+    out = []
+    for number, (horizon, table) in enumerate(zip(followed.horizons, stds, strict=True)):
+        times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+        dx, x, z = followed.at(number, times)
+        places = linearise(problem.dae, dx, x, z, horizon.input_at(times), horizon.clock + times, problem.values, ())
+        out.append(_split_at_steps(problem, horizon, places, table, 2, STEPS_FOLLOWED))
+    return out if any(h.mesh.count > f.mesh.count for h, f in zip(out, followed.horizons, strict=True)) else None
+
+
+def _split_at_steps(problem: Problem, horizon: Horizon, places: Linear, table: dict[str, float], degree: int, unseen: float) -> Horizon:
+    """A knot at every step of the held input that moves an output by more than `unseen` of its noise between two knots."""
+    noise = np.array([table.get(q.name, np.inf) for q in problem.dae.outputs])
+    for _ in range(int(LONGEST)) if horizon.hold == "zero" else ():
+        moved = left_out_of_outputs(places, horizon.unresolved_step(degree), horizon.unresolved_impulse(degree), horizon.mesh.steps)
+        noticed = np.max(moved / noise[:, None], axis=0, initial=0.0) > unseen
+        split = horizon.split_at_steps(noticed)
+        if split.mesh.count == horizon.mesh.count:
+            break
+        horizon = split
+    return horizon
 
 
 def mesh(
@@ -96,15 +120,7 @@ def mesh(
         longest = 1.0 if rigid_here or direct_share(places, std, density) > DIRECT else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.start, step or own)
-        noise = np.array([table.get(q.name, np.inf) for q in problem.dae.outputs])
-        for _ in range(int(LONGEST)) if step is None and recording.hold == "zero" else ():
-            moved = left_out_of_outputs(places, made.unresolved_step(degree), made.unresolved_impulse(degree), made.mesh.steps)
-            noticed = np.max(moved / noise[:, None], axis=0, initial=0.0) > STEPS_UNSEEN
-            split = made.split_at_steps(noticed)
-            if split.mesh.count == made.mesh.count:
-                break
-            made = split
-        horizons.append(made)
+        horizons.append(made if step else _split_at_steps(problem, made, places, table, degree, STEPS_UNSEEN))
         rigid &= rigid_here
     return Meshed(horizons=horizons, rigid=rigid, least_std={k: float(s) for k, s in zip(soft, least, strict=True) if np.isfinite(s)})
 

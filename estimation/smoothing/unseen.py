@@ -12,7 +12,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from backsight.ocp import ParameterPrior, Solver, transcribe
+from backsight.ocp import Options, ParameterPrior, Solver, transcribe
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import driven_outputs, linearise
 from backsight.ocp.passing import passing_through
@@ -28,6 +28,7 @@ ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of th
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
 NEWTON_STEPS = 20
 LOOKED_AT = 20  # places of a recording where the model is linearised
+OPTIONS = Options(tolerance=1e-3, gauss_newton_iterations=20, max_passes=1)  # of a start: what comes after moves it again
 
 
 def unseen_states(problem: Problem) -> list[str]:
@@ -54,7 +55,7 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
         room = np.sqrt(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
         force_std = {k: std if k in own else room * loose[k] for k, std in _little_room(problem, followed, parameters).items()}
         t = transcribe(problem.dae, followed.horizons, free=(), prior=nothing, force_std=force_std, degree=2)
-        solver, begin = Solver(t.nlp), start_decisions(t, followed, parameters)
+        solver, begin = Solver(t.nlp, OPTIONS), start_decisions(t, followed, parameters)
         unbounded = np.full(t.nlp.size, np.inf)
         solved = solver.solve(begin, scaled(solver, begin, t.nlp.values(parameters)), lower=-unbounded, upper=unbounded, newton=False)
         followed = Followed(transcription=t, horizons=followed.horizons, decisions=solved.decisions, mean_square=followed.mean_square)

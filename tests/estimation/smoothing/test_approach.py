@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from backsight.data.generators import actuator, five_bar, quadrotor, xy_table
+from backsight.data.generators import actuator, drillstring, five_bar, quadrotor, xy_table
 from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.smoothing.approach import SHARES, Approach, approach
 from backsight.estimation.smoothing.horizons import output_stds
@@ -21,6 +21,7 @@ FREE = {
     "actuator": ("carriage.m", "friction.d", "friction.f_c"),
     "xy_table": ("spindle.k", "drive_1.J", "drive_3.J", "friction_1.tau_c", "friction_3.tau_c"),
     "five_bar": ("P_1", "P_4", "P_5", "P_6"),
+    "drillstring": ("string.k", "bha.J", "bit.tau_sl"),
     "quadrotor": ("body.Ixx", "body.Iyy", "body.Izz", "rotor.tau", "rotor.gain"),
 }
 
@@ -46,7 +47,13 @@ def approached(problem: Problem) -> Approach:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "generator", "duration"),
-    [("actuator", actuator, 4.0), ("xy_table", xy_table, 1.2), ("five_bar", five_bar, 4.0), ("quadrotor", quadrotor, 10.0)],
+    [
+        ("actuator", actuator, 4.0),
+        ("xy_table", xy_table, 1.2),
+        ("five_bar", five_bar, 4.0),
+        ("quadrotor", quadrotor, 10.0),
+        ("drillstring", drillstring, 20.0),
+    ],
 )
 @pytest.mark.parametrize("seed", [11, 12])
 def test_guesses_three_times_off_come_home_before_any_weight_is_chosen(name, generator, duration, seed):

@@ -9,7 +9,7 @@ from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Weights
 from backsight.estimation.smoothing.horizons import make_horizon, output_stds
-from backsight.estimation.smoothing.meshing import FINEST, LONGEST, Meshed, _felt_as_noise, longest_step, mesh
+from backsight.estimation.smoothing.meshing import FINEST, LONGEST, Meshed, _felt_as_noise, follow_closely, mesh
 from backsight.estimation.smoothing.variances import UNDECIDED
 from backsight.ocp.follow import follow
 from backsight.ocp.linear import Linear
@@ -24,7 +24,7 @@ def meshed(force_std: float, *, std: float = 1e-3, step: float | None = None, dt
     recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": std})
     problem = Problem(model=MODEL, recordings=[recording], parameters={"mass.m": Free(2.0)}, weights=Weights(W={"mass": force_std}))
     stds, _ = output_stds(problem)
-    followed = follow(MODEL, [make_horizon(MODEL, recording, stds[0], {}, 2 * longest_step(recording))], problem.values)
+    followed = follow(MODEL, [make_horizon(MODEL, recording, stds[0], {}, 2 * LONGEST * dt)], problem.values)
     return mesh(problem, followed, stds, {0: force_std}, problem.values, 2, step)
 
 
@@ -45,6 +45,18 @@ def test_steps_of_the_input_that_an_output_could_notice_get_a_knot():
     loud, quiet = meshed(1e-2, jumps=300.0).horizons[0], meshed(1e-2, jumps=1e-3).horizons[0]
     assert loud.mesh.count > 1.5 * quiet.mesh.count
     assert np.isin(loud.mesh.knots, loud.time).all()
+
+
+@pytest.mark.parametrize(("jump", "noticed"), [(100.0, True), (1e-3, False)])
+def test_samples_are_followed_on_a_coarse_mesh_with_knots_where_the_input_steps_noticeably(jump, noticed):
+    time, at = 0.01 * np.arange(300), 102  # between two knots of a mesh of five samples
+    u = np.where(np.arange(300) < at, 0.0, jump)
+    y = truths.motion(PLANT, time, u, np.zeros(2))[:, 0] + 1e-3 * np.random.default_rng(0).normal(size=300)
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": 1e-3})
+    problem = Problem(model=MODEL, recordings=[recording], parameters={"mass.m": Free(2.0)})
+    (horizon,) = follow_closely(problem, output_stds(problem)[0], None).horizons
+    assert (time[at] in horizon.mesh.knots) is noticed
+    assert horizon.mesh.count <= 62
 
 
 def test_weights_that_leave_no_room_are_called_rigid():
