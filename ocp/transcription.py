@@ -146,7 +146,8 @@ def _samples(pieces: Pieces, degree: int) -> Term:
     target = np.concatenate([h.target for h in pieces.horizons]).T
     std = np.concatenate([np.broadcast_to(h.target_std, h.target.shape) for h in pieces.horizons]).T
     there = np.isfinite(target)
-    there[np.ix_(seen.ahead, np.cumsum([len(h.time) for h in pieces.horizons]) - 1)] = False
+    ends = np.cumsum([len(h.time) for h in pieces.horizons]) - 1
+    there[np.array(seen.ahead, dtype=np.int64)[:, None], ends] = False
     return Term(
         name="samples",
         function=pieces.function("samples", seen.output, ca.vertcat(seen.rest, seen.coefficients, seen.moments)),

@@ -4,7 +4,8 @@ A mesh with N intervals leaves out of every balance its moments from K on. What 
 the density in force, is 1/2 sum eps_K^2, and the distance of the two solutions in the metric of their posterior, half its square, is no
 more than that. While these moments are small beside one, outputs move by a small share of their deviations. Where they are not,
 every interval is halved and the program solved again: the difference is the error of the coarser mesh, and a third of it that of
-the finer one, whose order is two at least.
+the finer one, whose order is two at least. Where a sensor reads a white force at once the knots stay at its samples (`ocp/pieces.py`), and
+the degree grows instead.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ UNRESOLVED = 0.1  # rms of the first moments left out, beside one, that needs no
 ALLOWED = 0.1  # of an output's noise: what the mesh may move it
 ALLOWED_PARAMETER = 0.3  # of a parameter's deviation: many samples make it sharper than their noise
 HALVINGS = 3
+HIGHEST = 5  # degree
 MOST_INTERVALS = 40_000  # of a refined mesh
 LEFT = 1.0 / 3.0  # share of the error that a halving leaves at most, of order two
 
@@ -64,21 +66,28 @@ class Checked:
     mattered: bool = False
 
 
-def refine(solution: Solution, again: Callable[[Solution, list[Horizon]], Solution], *, keep: bool, say: Callable[[str], None]) -> Checked:
+def refine(
+    solution: Solution, again: Callable[[Solution, list[Horizon], int], Solution], *, keep: bool, say: Callable[[str], None]
+) -> Checked:
     """Halve the intervals until the mesh moves outputs and parameters no more than is allowed, or HALVINGS times.
 
-    again(solution, horizons): the same problem on other meshes, started from a solution. keep: whether the mesh is to stay as it is, so
-    that only its error is measured.
+    again(solution, horizons, degree): the same problem on other meshes, started from a solution. keep: whether the mesh is to stay as it
+    is, so that only its error is measured.
     """
     checked = Checked(solution=solution)
     if not solution.solved.status.converged or unresolved_moment(solution) <= UNRESOLVED:
         return checked
     for _ in range(HALVINGS):
-        horizons = [replace(h, mesh=h.mesh.refined()) for h in checked.solution.transcription.horizons]
-        if sum(h.mesh.count for h in horizons) > MOST_INTERVALS:
+        t = checked.solution.transcription
+        horizons, degree = list(t.horizons), t.degree
+        if t.nlp.terms[checked.solution.term("samples")].within is not None:
+            degree += 1
+        else:
+            horizons = [replace(h, mesh=h.mesh.refined()) for h in horizons]
+        if sum(h.mesh.count for h in horizons) > MOST_INTERVALS or degree > HIGHEST:
             break
-        say(f"looking again with {sum(h.mesh.count for h in horizons)} intervals")
-        finer = again(checked.solution, horizons)
+        say(f"looking again with {sum(h.mesh.count for h in horizons)} intervals of degree {degree}")
+        finer = again(checked.solution, horizons, degree)
         if not finer.solved.status.converged:
             break
         moved = _moved(checked.solution, finer)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backsight.ocp import Horizon
+from backsight.ocp import Horizon, Mesh
 from backsight.ocp.follow import MET, Followed, follow
 from backsight.ocp.linear import Linear, direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
 
@@ -24,7 +24,7 @@ FINEST = 0.5  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
 STEPS_FOLLOWED = 1.0  # the same where samples are but followed
 LOOKED_AT = 40  # places of a recording where the model is linearised
-DIRECT = 0.02  # share of a reading's noise that may be a force that enters it at once before the mesh must resolve it at every sample
+DIRECT = 0.02  # share of a reading's noise that may be a force that enters it at once before the mesh has its knots at the samples
 UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
 
 
@@ -117,9 +117,13 @@ def mesh(
         felt = np.maximum(felt, _felt_as_noise(places, density, len(recording.time)))
         rigid_here = bool(np.all(felt * std < UNFELT))
         least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
-        longest = 1.0 if rigid_here or direct_share(places, std, density) > DIRECT else LONGEST
+        at_once = direct_share(places, std, density) > DIRECT
+        longest = 1.0 if rigid_here else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.start, step or own)
+        if at_once and step is None:
+            # a reading and the motion share a white force where it is the mean over one interval (`ocp/pieces.py`)
+            made = replace(made, mesh=Mesh(horizon.time))
         horizons.append(made if step else _split_at_steps(problem, made, places, table, degree, STEPS_UNSEEN))
         rigid &= rigid_here
     return Meshed(horizons=horizons, rigid=rigid, least_std={k: float(s) for k, s in zip(soft, least, strict=True) if np.isfinite(s)})

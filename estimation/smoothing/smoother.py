@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -100,7 +101,7 @@ def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) 
     choice, remeshed = work.chosen(program, meshed.least_std, least_noise), False
     if settings.step is None and _moved(choice, force_std):
         choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
-    checked = refine(choice.solution, lambda at, horizons: work.again(at, horizons, choice), keep=settings.step is not None, say=say)
+    checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
@@ -185,7 +186,8 @@ class _Work:
         if not checked.mattered or not (set(solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
             return kept, now
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
-        program = self.program(solution.transcription.horizons, _followed(solution), force_std, solution.parameters)
+        t = solution.transcription
+        program = self.of_degree(t.degree).program(t.horizons, _followed(solution), force_std, solution.parameters)
         second = self.chosen(program, least_std, LEAST_NOISE / choice.output_factor)
         return (second, now) if second.solution.solved.status.converged else (kept, now)
 
@@ -194,12 +196,16 @@ class _Work:
         factors = [dict(zip((q.name for q in self.problem.dae.outputs), row.tolist(), strict=True)) for row in choice.output_factor]
         return [{name: std * f[name] for name, std in table.items()} for table, f in zip(stds, factors, strict=True)]
 
-    def again(self, solution: Solution, horizons: list[Horizon], choice: Choice) -> Solution:
+    def of_degree(self, degree: int) -> _Work:
+        """The same with other polynomials."""
+        return replace(self, settings=replace(self.settings, degree=degree))
+
+    def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int) -> Solution:
         """The same problem on other meshes at the same weights, started from a solution."""
         if solution is choice.solution:
             horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
-        program = self.program(horizons, _followed(solution), force_std, solution.parameters)
+        program = self.of_degree(degree).program(horizons, _followed(solution), force_std, solution.parameters)
         return program.solve(program.start, program.values, True, self.say)
 
 
