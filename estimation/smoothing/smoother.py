@@ -200,13 +200,13 @@ class _Work:
         """The same with other polynomials."""
         return replace(self, settings=replace(self.settings, degree=degree))
 
-    def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int) -> Solution:
+    def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int, newton: bool) -> Solution:
         """The same problem on other meshes at the same weights, started from a solution."""
         if solution is choice.solution:
             horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         program = self.of_degree(degree).program(horizons, _followed(solution), force_std, solution.parameters)
-        return program.solve(program.start, program.values, True, self.say)
+        return program.solve(program.start, program.values, newton, self.say)
 
 
 def _followed(solution: Solution) -> Followed:
