@@ -3,16 +3,17 @@
 A balance that may be off by as much as its own largest force binds nothing, one that may not be off at all binds guesses that are wrong.
 So the residual forces get room for a share of the forces at their place, white from interval to interval,
 
-    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.56, 0.32, 0.18, 0.1, .. 0.01
+    std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.32, 0.1, 0.03, 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
 velocity. A parameter is held near its first guess by a prior twice as wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
-becomes the problem's own.
+becomes the problem's own. Where a step strains, samples and balances costing far more than while there was room, it is taken back and a
+smaller one tried: a friction law three times as sharp has other valleys.
 
 It can still end in the wrong valley where no output shows a state: a load that sticks and slips behind a soft shaft goes another way for
-every parameter. There a descent that strains, its samples and balances costing far more than while there was room, is tried again
-from other parameters, and the most probable one counts:  least  cost + sum over intervals and places of log std_k.
+every parameter. There a descent that strains however small its steps is tried again from other parameters, and the most probable one
+counts:  least  cost + sum over intervals and places of log std_k.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from .program import Program, Settings, make_program, renewed
 from .rest import ROUNDING, FrictionLaw, rms_velocity
 from .unseen import complete, unseen_states
 
-SHARES = (1.0, 0.56, 0.32, 0.18, 0.1, 0.056, 0.032, 0.018, 0.01)  # four a decade: a friction law three times as sharp has other valleys
+TIGHTEST = 0.01  # share at which the way ends
+FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
 TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
 TIGHT = 0.1  # share from which on a descent waits for convergence
@@ -80,7 +82,7 @@ def approach(
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
         begun = complete(problem, followed, laws, start) if hidden else followed
         found.append(_descent(problem, begun, laws, start, least, say))
-        if found[-1].share <= SHARES[-1]:
+        if found[-1].share <= TIGHTEST:
             break
     best = min(found, key=lambda way: (way.share, way.unlikely))
     for law in laws:
@@ -102,8 +104,8 @@ def _descent(
     steps = np.concatenate([h.mesh.steps for h in horizons])
     count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
     near = _near(problem)
-    best, way, program, size = np.inf, None, None, dict[int, float]()
-    for share in SHARES:
+    best, way, program, size, share, factor = np.inf, None, None, dict[int, float](), 1.0, FACTOR
+    while True:
         rounded = _rounded(problem, followed, laws, parameters, share)
         now = forces(problem, followed, rounded)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
@@ -117,21 +119,25 @@ def _descent(
             program = renewed(program, near, followed, laws, std, rounded, rounded)
             solution = program.solve(program.start, program.values, False, _silent)
             if not np.all(np.isfinite(solution.solved.decisions)):
+                cost = np.inf
                 break
             followed, rounded = _followed(solution, followed), solution.parameters
             before, cost = cost, solution.solved.cost
             if solution.solved.status.converged or cost > (1.0 - PAID) * before:
                 break
-        say(f"balances within {100 * share:.0f} % of their forces: cost {cost:.6g}")
+        say(f"balances within {100 * share:.3g} % of their forces: cost {cost:.6g}")
         best = min(best, cost)
-        if way is not None and not 2 * (cost - best) <= STRAINED * count:
-            break
-        unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
-        way = Approach(followed=followed, parameters=rounded, force_std=std, share=share, unlikely=unlikely)
-        parameters = rounded
-    if way is None:
-        raise RuntimeError("SHARES is empty")
-    return way
+        if way is None or 2 * (cost - best) <= STRAINED * count:
+            unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
+            way = Approach(followed=followed, parameters=rounded, force_std=std, share=share, unlikely=unlikely)
+            if share <= TIGHTEST:
+                return way
+        else:
+            factor = float(np.sqrt(factor))
+            if factor < LEAST_FACTOR:
+                return way
+        followed, parameters = way.followed, way.parameters.copy()
+        share = max(way.share / factor, TIGHTEST)
 
 
 def _followed(solution: Solution, before: Followed) -> Followed:

@@ -10,7 +10,7 @@ import pytest
 
 from backsight.data.generators import actuator, drillstring, five_bar, quadrotor, xy_table
 from backsight.estimation import Free, Problem, Recording
-from backsight.estimation.smoothing.approach import SHARES, Approach, approach
+from backsight.estimation.smoothing.approach import TIGHTEST, Approach, approach
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.estimation.smoothing.rest import friction_laws, smoothing_widths
@@ -66,7 +66,7 @@ def test_guesses_three_times_off_come_home_before_any_weight_is_chosen(name, gen
 def test_it_ends_where_balances_are_tight_and_trajectories_meet_the_samples():
     problem, _ = problem_of("actuator", actuator, 3.0, 5)
     way = approached(problem)
-    assert way.share == SHARES[-1]
+    assert way.share == TIGHTEST
     (horizon,) = way.followed.horizons
     _, x, _ = way.followed.at(0, horizon.time)
     noise = problem.fitted[0].output_std["x"]
@@ -93,4 +93,4 @@ def test_a_model_that_lacks_a_strong_force_stops_before_it_bends_to_the_samples(
     run = actuator.record(seed=3, conditions=replace(actuator.CONDITIONS, duration=3.0), force=lambda *tqv: -2000.0 * np.asarray(tqv[1]))
     recording = Recording(name="sprung", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
     problem = Problem(model=PLANTS["actuator"](), recordings=[recording], parameters={p: Free(20.0, min=0.0) for p in FREE["actuator"]})
-    assert approached(problem).share > SHARES[-1]
+    assert approached(problem).share > TIGHTEST
