@@ -131,8 +131,8 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
     found += open_combinations(problem, solution)
     for k in solution.solved.on_bound:
         if k >= t.nlp.trajectory_size:
-            info = dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]]
-            value = solution.solved.decisions[k]
+            index = t.nlp.free[k - t.nlp.trajectory_size]
+            info, value = dae.parameters[index], float(np.clip(solution.solved.decisions[k], *problem.parameter_range(index)))
             found.append(
                 f"{info.name} ended on its bound, {value:.6g} {info.unit}: the data pull beyond it, and all other values and deviations "
                 "suppose that it is right."

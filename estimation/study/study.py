@@ -187,15 +187,15 @@ class Study:
             self._known(name, [q.name for q in self.dae.states], table, name, what="state")
 
     def _weights(self) -> Weights:
-        from ..problem import Weights
+        from ..problem import Weights, noise_names
         from ..supposed import relaxable
 
         table: WeightTable = self.file.weights
         places = [p.name for p in (*self.dae.places, *self.dae.dormant_places)]
         for name in table.W:
             self._known(name, [*places, *relaxable(self.dae)], "weights", "W", name, what="place")
-        for name in table.V:
-            self._known(name, [q.name for q in (*self.dae.outputs, *self.dae.inputs)], "weights", "V", name, what="output or input")
+        for name, key in noise_names(table.V, self.dae).items():
+            self._known(name, [q.name for q in (*self.dae.outputs, *self.dae.inputs)], "weights", "V", key, what="output or input")
         return Weights(
             W={name: weight.deviation for name, weight in table.W.items()},
             V={name: weight.deviation for name, weight in table.V.items()},
