@@ -16,6 +16,7 @@ from ..problem import Free, Problem, Weights
 from ..recordings.recording import Recording
 from ..results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 from ..supposed import noisy_inputs, own_parameters
+from ..validation.rates import undriven_rates
 from ..validation.validate import Validation, followed, validate
 from .columns import columns, places
 from .notes import notes
@@ -63,7 +64,8 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     validation = validate(solution, [piece.name for piece in problem.fitted], weighed=choice.rounds > 0)
     fit = {name: validation.fits(recordings[name], table) for name, table in estimates.items()}
     inputs: dict[str, dict[str, Array]] = {name: dict(recordings[name].inputs) for name in estimates}
-    residuals = _residuals(problem, estimates, inputs, validation)
+    rates = undriven_rates(solution, problem.fitted)
+    residuals = _residuals(problem, estimates, inputs, validation, rates)
     return Smoothing(
         model=dae.name,
         parameters=_parameters(problem, solution, estimates),
@@ -148,7 +150,11 @@ def _units(problem: Problem) -> dict[str, str]:
 
 
 def _residuals(
-    problem: Problem, estimates: dict[str, pd.DataFrame], inputs: dict[str, dict[str, Array]], validation: Validation
+    problem: Problem,
+    estimates: dict[str, pd.DataFrame],
+    inputs: dict[str, dict[str, Array]],
+    validation: Validation,
+    rates: Mapping[str, pd.DataFrame],
 ) -> dict[str, ResidualSummary]:
     out, states, units = {}, tuple(q.name for q in problem.dae.states), _units(problem)
     for place in problem.posed.dae.places:
@@ -161,7 +167,7 @@ def _residuals(
                 rms=rms,
                 origin=place.origin,
                 whiteness_p=validation.force_p.get(place.name),
-                follows=followed(place.name, place.unit, estimates, inputs, states, units),
+                follows=followed(place.name, place.unit, estimates, inputs, states, units, rates),
             )
     return out
 

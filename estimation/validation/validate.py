@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -72,6 +72,7 @@ def followed(
     inputs: dict[str, dict[str, Array]],
     states: tuple[str, ...],
     units: dict[str, str],
+    rates: Mapping[str, pd.DataFrame],
 ) -> Companion | None:
     """What the residual of a place goes with most, in the recording where that is plainest."""
     found = []
@@ -79,6 +80,6 @@ def followed(
         w = table[f"residual.{place}"].to_numpy(float)
         rows = np.unique(np.linspace(0, len(w) - 1, min(len(w), ROWS)).astype(int))
         chosen, _ = own_states(place, unit, states, units)
-        friend = companion(w, chosen, table, units, rows, inputs.get(name), unit)
+        friend = companion(w, chosen, table, units, rows, inputs.get(name), unit, rates.get(name))
         found += [friend] if friend is not None else []
     return max(found, key=lambda c: abs(c.correlation), default=None)
