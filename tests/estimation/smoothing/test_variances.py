@@ -78,7 +78,7 @@ def test_a_weight_open_for_two_recordings_does_not_touch_the_deviation_that_one_
         parameters={"mass.m": Free(3.0)},
         weights=Weights(W={"mass": 0.1}),
     )
-    assert smooth(problem).weights.V["x"] == pytest.approx(3 * STD, rel=1e-12)
+    assert smooth(problem).weights.V["x [a]"] == pytest.approx(3 * STD, rel=1e-12)
 
 
 def test_what_one_recording_leaves_open_is_found_beside_another_that_gives_it():
