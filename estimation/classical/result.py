@@ -144,7 +144,8 @@ def _from_a_good_start(problem: Problem, recording: Recording, rows: slice, thet
         return np.concatenate([np.nan_to_num((y[rows] - run.outputs[name]) / spread[name]) for name, y in recording.outputs.items()])
 
     run = simulated(problem, recording, rows, theta, start)
-    moved = [name for name in start if name not in problem.known_exactly]
+    # after a gap nothing is known
+    moved = [name for name in start if recording.part or name not in problem.known_exactly]
     size = {q.name: max(abs(start.get(q.name, 0.0)), 1e-3 * abs(q.nominal)) * 1e-3 for q in problem.dae.states}
     e = errors(run)
     slopes = [
