@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -11,6 +11,7 @@ import numpy as np
 from backsight.models import Dae, Model, compile_model
 from backsight.models.augmentation import SHAPES, Shape
 from backsight.models.augmentation.delay import delay_name
+from backsight.models.augmentation.parameters import case_name
 from backsight.models.errors import InputError, suggestion
 
 from . import supposed
@@ -78,8 +79,9 @@ class Weights:
 
     W: place -> std of its residual force: white noise of spectral density std^2 * 1 s, [unit of the place]. The place may also be
     "kinematics:<position>": how far the rate of a position may differ from its velocity.
-    V: output -> std of its measurement noise [unit of the output]; it overrides the recording's own. Or an input -> std of each of its
-    recorded values, and it is estimated as it acted; without one it acted as recorded.
+    V: output -> std of its measurement noise [unit of the output]; it overrides the recordings' own. "<output> [<recording>]": of that
+    recording only, before all else; one that is not there is no matter, so that weights found with some recordings serve others. Or an
+    input -> std of each of its recorded values, and it is estimated as it acted; without one it acted as recorded.
     tau: place -> correlation time [s] of a residual force that is not white; W is then its rms.
     kind: place with a tau -> "ou" (Ornstein-Uhlenbeck, the default) or "matern" (Matern 3/2 of length tau).
     """
@@ -103,6 +105,10 @@ class Weights:
             for key, std in table.items():
                 if not (np.isfinite(std) and std > 0):
                     raise InputError(f"Weights({name}={{{key!r}: {std}}}): needs a positive, finite number.")
+
+    def noise(self, output: str, recording: str) -> float | None:
+        """V of an output in a recording; None where it is not given."""
+        return self.V.get(case_name(output, recording), self.V.get(output))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +138,7 @@ class Problem:
         _check("parameters", self.parameters, [p.name for p in dae.parameters], "parameter", dae)
         places = [p.name for p in dae.places]
         _check("weights.W", self.weights.W, [*places, *supposed.relaxable(dae)], "place", dae)
-        _check("weights.V", self.weights.V, [q.name for q in (*dae.outputs, *dae.inputs)], "output or input", dae)
+        _check("weights.V", noise_names(self.weights.V, dae), [q.name for q in (*dae.outputs, *dae.inputs)], "output or input", dae)
         _check("weights.tau", self.weights.tau, places, "place", dae)
         for name in self.weights.tau:
             if name not in self.weights.W:
@@ -239,6 +245,16 @@ class Problem:
         """All parameters: guesses, fixed values and the model's own."""
         given = {name: value.guess if isinstance(value, Free) else float(value) for name, value in self.parameters.items()}
         return np.array([given.get(p.name, p.value) for p in self.dae.parameters], dtype=np.float64)
+
+
+def noise_names(V: Iterable[str], dae: Dae) -> dict[str, str]:
+    """The outputs and inputs that V names; "<output> [<recording>]" names the output."""
+    outputs = [q.name for q in dae.outputs]
+    found = {}
+    for name in V:
+        output, bracket, _ = name.partition(" [")
+        found[output if bracket and name.endswith("]") and output in outputs else name] = name
+    return found
 
 
 def _check(argument: str, given: Mapping[str, object], known: Sequence[str], what: str, dae: Dae) -> None:

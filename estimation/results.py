@@ -23,7 +23,8 @@ DOUBT = 0.01  # chance of what is seen if the errors are white, below which they
 class ParameterEstimate:
     """A parameter after the fit.
 
-    std: None when fixed or not determined. identifiable: whether the recordings determine it; None when fixed.
+    std: None when fixed, not determined or on its bound. identifiable: whether the recordings determine it; None when fixed. on_bound:
+    whether it ended on its bound, beyond which the recordings pull it.
     """
 
     name: str
@@ -33,11 +34,12 @@ class ParameterEstimate:
     fixed: bool
     identifiable: bool | None = None
     guess: float | None = None
+    on_bound: bool = False
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         if self.std is None or not self.std > 0:
-            return f"{self.value:.6g}{unit}" + (" (fixed)" if self.fixed else " (not determined)")
+            return f"{self.value:.6g}{unit} ({'fixed' if self.fixed else 'on its bound' if self.on_bound else 'not determined'})"
         digits = max(0, 1 - int(np.floor(np.log10(self.std))))
         return f"{self.value:.{min(digits, 15)}f} ± {self.std:.2g}{unit}" + (" (not determined)" if self.identifiable is False else "")
 
@@ -149,8 +151,9 @@ class Prediction:
     """What the fitted model makes of a recording that it has not seen.
 
     estimates: t_s, outputs with .measured and states, simulated over the whole recording under its inputs from the start that its first
-    `start_s` seconds tell. fit: of every measured output to that. window_rms: output -> rms error [unit] over windows of `window_s`
-    seconds, each simulated from the state that the samples before it tell; None where the recording is too short for windows.
+    `start_s` seconds tell (of the longest piece), and again after every gap; NaN in rows of no piece. fit: of every measured output to
+    that, in the rows after those that told a start. window_rms: output -> rms error [unit] over windows of `window_s` seconds, each
+    simulated from the state that the samples before it tell; None where the recording is too short for windows.
     """
 
     estimates: pd.DataFrame

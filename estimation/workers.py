@@ -29,14 +29,19 @@ class Here(Executor):
         return future
 
 
+def check_jobs(jobs: int) -> None:
+    """Raise InputError unless it is a number of processes."""
+    if jobs < 1:
+        raise InputError(f"--jobs {jobs}: the number of processes must be at least 1")
+
+
 @contextmanager
 def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Executor]:
     """An executor of `jobs` processes, or of the Dask cluster at address `scheduler`.
 
     Raises InputError when `jobs` is not positive or the cluster cannot be reached.
     """
-    if jobs < 1:
-        raise InputError(f"--jobs {jobs}: the number of processes must be at least 1")
+    check_jobs(jobs)
     if scheduler is not None:
         with _cluster(scheduler) as pool:
             yield pool

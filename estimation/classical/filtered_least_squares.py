@@ -96,7 +96,7 @@ def _estimate(problem: Problem, filtered: Filter, method: str, decimate: int, cu
         found = solve([s / size[:, None] for s in slopes], [d / size for d in targets], mean, information)
         left = np.concatenate([d - s @ found.theta for s, d in zip(slopes, targets, strict=True)])
         size = np.sqrt(np.mean(left**2, axis=0)) + 1e-300
-    starts = {r.name: (m.rows.start, _start(problem, m)) for r, m in zip(problem.fitted, motions, strict=True)}
+    starts = {r.title: (m.rows.start, _start(problem, m)) for r, m in zip(problem.fitted, motions, strict=True)}
     fits, failed = simulated_fits(problem, found.theta, starts)
     rms = "; ".join(f"{problem.dae.equations[r].origin} {s:.3g}" for r, s in zip(balances.rows, size, strict=True))
     notes = (

@@ -88,7 +88,7 @@ def harmonic(
     notes = [f"{kept} harmonics of {len(balances.rows)} balances for {len(theta)} parameters; condition number {_condition(whole):.3g}."]
     if not scattered:
         notes.append(f"Fewer than {ENOUGH} periods in a recording: no standard deviations.")
-    fits, failed = simulated_fits(problem, theta, {r.name: (e.first, e.start) for r, e in zip(problem.fitted, whole, strict=True)})
+    fits, failed = simulated_fits(problem, theta, {r.title: (e.first, e.start) for r, e in zip(problem.fitted, whole, strict=True)})
     return Baseline(
         method="harmonic",
         model=problem.dae.name,

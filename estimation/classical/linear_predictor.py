@@ -31,8 +31,8 @@ SETTLING = 20  # samples over which a first density moves the outputs by their n
 class LinearPredictor:
     """Innovations of every fitted recording, and what follows from them."""
 
-    def __init__(self, problem: Problem, point: OperatingPoint, *, with_forces: bool) -> None:
-        dae = problem.dae
+    def __init__(self, problem: Problem, point: OperatingPoint, *, with_forces: bool, room: float) -> None:
+        dae, self.room = problem.dae, room
         self.problem, self.point = problem, point
         first = problem.fitted[0]
         self.outputs = [i for i, q in enumerate(dae.outputs) if q.name in first.outputs]
@@ -47,7 +47,9 @@ class LinearPredictor:
         self.u = [model_inputs(dae, r) for r in problem.fitted]
         stds = output_stds(problem)[0]
         self.noise = np.array([np.mean([s[name] for s in stds]) for name in self.names])
-        self.free_states = [i for i, q in enumerate(dae.states) if q.name not in problem.known_exactly]
+        # what is known of the start of a recording is not known of a piece after a gap
+        self.known = {} if any(r.part for r in problem.fitted) else problem.known_exactly
+        self.free_states = [i for i, q in enumerate(dae.states) if q.name not in self.known]
         self.count = len(problem.free)
         self._plants: dict[bytes, list[AffineStep]] = {}
         self.density = np.zeros(len(dae.places))
@@ -114,16 +116,21 @@ class LinearPredictor:
         units = np.concatenate([self.units, [1.0]])
         fisher = (jacobian * units).T @ (jacobian * units)
         fisher[: self.count, : self.count] += np.diag(information * units[: self.count] ** 2)
+        # a deviation known to no better than the room that it has is not known: its row would be noise on a unit diagonal
+        kept = np.ones(len(fisher), dtype=bool)
+        kept[self.logarithms] = np.diag(fisher)[self.logarithms] > 1.0 / self.room**2
+        fisher = fisher[np.ix_(kept, kept)]
         size = np.sqrt(np.maximum(np.diag(fisher), 1e-300))
         covariance = np.linalg.pinv(fisher / np.outer(size, size), rcond=1e-13, hermitian=True) / np.outer(size, size)
         return np.asarray(np.sqrt(np.diag(covariance))[: self.count] * self.units[: self.count])
 
     def fits(self, v: Array) -> dict[str, dict[str, OutputFit]]:
         """Of every recording and output, predicted from sample to sample."""
-        return {
-            r.name: {name: output_fit(y[:, i], y[:, i] - found.e[:, i]) for i, name in enumerate(self.names)}
-            for r, y, found in zip(self.problem.fitted, self.y, self.innovations(v), strict=True)
-        }
+        met: dict[str, list[Array]] = {}
+        for r, y, found in zip(self.problem.fitted, self.y, self.innovations(v), strict=True):
+            met.setdefault(r.name, []).append(np.stack([y, y - found.e]))
+        joined = {name: np.concatenate(parts, axis=1) for name, parts in met.items()}
+        return {r: {name: output_fit(*both[:, :, i]) for i, name in enumerate(self.names)} for r, both in joined.items()}
 
     def described(self) -> str:
         """The working point in words."""
@@ -157,7 +164,7 @@ class LinearPredictor:
         return self._plants[key]
 
     def _starts(self, v: Array, plants: list[AffineStep]) -> list[Array]:
-        given = np.array([self.problem.known_exactly.get(q.name, 0.0) for q in self.problem.dae.states])
+        given = np.array([self.known.get(q.name, 0.0) for q in self.problem.dae.states])
         out = []
         for plant, free in zip(plants, v[self.logarithms.stop :].reshape(len(self.y), -1), strict=True):
             x = given - plant.at

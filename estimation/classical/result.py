@@ -116,22 +116,24 @@ def simulated(
 def simulated_fits(
     problem: Problem, theta: Array, starts: Mapping[str, tuple[int, Mapping[str, float]]]
 ) -> tuple[dict[str, dict[str, OutputFit]], tuple[str, ...]]:
-    """Fit of every recording simulated from row `starts[name][0]`, and a note where that fails.
+    """Fit of every recording, each piece simulated from row `starts[title][0]`, and a note where that fails.
 
-    `starts[name][1]` are guesses of the states there; one Gauss-Newton step in them is taken where it pays, so that the fit is that of the
+    `starts[title][1]` are guesses of the states there; one Gauss-Newton step in them is taken where it pays, so that the fit is that of the
     parameters and not of a noisy start.
     """
-    fits: dict[str, dict[str, OutputFit]] = {}
+    met: dict[str, dict[str, list[Array]]] = {}
     failed = []
     for recording in problem.fitted:
-        first, start = starts[recording.name]
+        first, start = starts[recording.title]
         rows = slice(first, len(recording.time))
         try:
             run = _from_a_good_start(problem, recording, rows, theta, start)
         except (SolveError, ValueError) as error:
-            failed.append(f"{recording.name} ({str(error).rstrip('.')})")
+            failed.append(f"{recording.title} ({str(error).rstrip('.')})")
             continue
-        fits[recording.name] = {name: output_fit(y[rows], run.outputs[name]) for name, y in recording.outputs.items()}
+        for name, y in recording.outputs.items():
+            met.setdefault(recording.name, {}).setdefault(name, []).append(np.stack([y[rows], run.outputs[name]]))
+    fits = {r: {name: output_fit(*np.hstack(parts)) for name, parts in outputs.items()} for r, outputs in met.items()}
     return fits, (f"Not simulated with the estimates: {listed(failed)}.",) if failed else ()
 
 
@@ -142,7 +144,8 @@ def _from_a_good_start(problem: Problem, recording: Recording, rows: slice, thet
         return np.concatenate([np.nan_to_num((y[rows] - run.outputs[name]) / spread[name]) for name, y in recording.outputs.items()])
 
     run = simulated(problem, recording, rows, theta, start)
-    moved = [name for name in start if name not in problem.known_exactly]
+    # after a gap nothing is known
+    moved = [name for name in start if recording.part or name not in problem.known_exactly]
     size = {q.name: max(abs(start.get(q.name, 0.0)), 1e-3 * abs(q.nominal)) * 1e-3 for q in problem.dae.states}
     e = errors(run)
     slopes = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,21 +20,34 @@ from .result import bounds, known_start, simulated
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 RTOL = 1e-9  # of a simulation, well below the step of the differences
 STEP = 1e-4  # of a parameter's size
+LEAST = 10  # rows of a segment
 SLOPE_ROWS = 9  # samples that tell the velocity with which a segment starts
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Rows of a recording that one initial state explains; target (rows, ny) in units of std (ny,), NaN where nothing is measured."""
+    """Rows of a piece of a recording that one initial state explains.
+
+    target (rows, ny) in units of std (ny,), NaN where nothing is measured.
+    """
 
     recording: Recording
     rows: slice
+    std: Array
     target: Array
     names: tuple[str, ...]
 
+    @property
+    def begins(self) -> bool:
+        """Whether the recording itself starts here, of which something may be known; after a gap nothing is."""
+        return self.rows.start == 0 and self.recording.part == 0
+
 
 def cut(problem: Problem, length: float | None) -> list[Segment]:
-    """Every fitted recording in segments of about `length` seconds; raises InputError where one has less than ten samples."""
+    """Every fitted recording in segments of about `length` seconds; raises InputError where one has less than LEAST rows.
+
+    Of a recording with gaps, pieces that are shorter are left out.
+    """
     if length is not None and not (np.isfinite(length) and length > 0):
         raise InputError(f"prediction_error(segment={length!r}): needs a positive time [s], or None for whole recordings.")
     out = []
@@ -43,15 +55,22 @@ def cut(problem: Problem, length: float | None) -> list[Segment]:
         n = len(recording.time)
         span = float(recording.time[-1] - recording.time[0])
         pieces = 1 if length is None else max(1, round(span / length))
-        if n // pieces < 10:
-            raise InputError(
-                f"prediction_error(segment={length:g}): leaves {n // pieces} samples of {recording.name} to each start; make it longer."
-            )
+        if n // pieces < LEAST:
+            if pieces > 1:
+                raise InputError(
+                    f"prediction_error(segment={length:g}): leaves {n // pieces} samples of {recording.name} to each start; make it longer."
+                )
+            if np.isinf(recording.gap or 0.0):
+                continue
+            raise InputError(f"{recording.name}: prediction_error needs {LEAST} rows and there are {n}; use a longer recording.")
         edges = np.searchsorted(recording.time, recording.time[0] + span * np.arange(1, pieces) / pieces)
         names = tuple(q.name for q in problem.dae.outputs if q.name in recording.outputs)
-        y = np.column_stack([recording.outputs[name] / stds[name] for name in names])
+        std = np.array([stds[name] for name in names])
+        y = np.column_stack([recording.outputs[name] for name in names]) / std
         for a, b in zip([0, *edges], [*edges, n], strict=True):
-            out.append(Segment(recording=recording, rows=slice(int(a), int(b)), target=y[a:b], names=names))
+            out.append(Segment(recording=recording, rows=slice(int(a), int(b)), std=std, target=y[a:b], names=names))
+    if not out:
+        raise InputError(f"{problem.fitted[0].name}: prediction_error needs {LEAST} rows between gaps; make gap longer.")
     return out
 
 
@@ -60,7 +79,6 @@ class Shooting:
 
     def __init__(self, problem: Problem, segments: list[Segment]) -> None:
         self.problem, self.segments = problem, segments
-        self.stds = {r.name: dict(s) for r, s in zip(problem.fitted, output_stds(problem)[0], strict=True)}
         infos = [problem.dae.parameters[i] for i in problem.free]
         self.size = np.array([max(abs(problem.values[i]), abs(p.nominal)) for i, p in zip(problem.free, infos, strict=True)])
         self.states = [q.name for q in problem.dae.states]
@@ -75,13 +93,13 @@ class Shooting:
         for s, start in zip(self.segments, starts, strict=True):
             try:
                 run = simulated(self.problem, s.recording, s.rows, theta, self._named(s, start), RTOL)
-                out.append(np.column_stack([run.outputs[name] / self.stds[s.recording.name][name] for name in s.names]))
+                out.append(np.column_stack([run.outputs[name] for name in s.names]) / s.std)
             except (SolveError, ValueError):
                 out.append(np.full(s.target.shape, np.inf))
         return out
 
     def _named(self, s: Segment, start: Array) -> dict[str, float]:
-        known = self.problem.known_exactly if s.rows.start == 0 else {}
+        known = self.problem.known_exactly if s.begins else {}
         return {name: float(v) for name, v in zip(self.states, start, strict=True)} | known
 
     def _split(self, unknown: Array) -> tuple[Array, Array]:
@@ -155,14 +173,14 @@ class Shooting:
         self.weight = {name: float(1.0 / max(np.sqrt(square[name] / max(number[name], 1)), 1e-300)) for name in square}
 
     def profiled(self, unknown: Array) -> tuple[list[Array], list[Array]]:
-        """Per recording J_p - J_x J_x^+ J_p (n, ny, np), and samples minus model (n, ny), both weighted."""
+        """Per piece of a recording J_p - J_x J_x^+ J_p (n, ny, np), and samples minus model (n, ny), both weighted."""
         pieces: dict[str, list[tuple[Array, Array]]] = {}
         for s, (p, x), e in zip(self.segments, self._blocks(unknown), self._errors(unknown), strict=True):
             flat, start = p.reshape(-1, p.shape[2]), x.reshape(-1, x.shape[2])
             unit = np.linalg.norm(start, axis=0)
             start = start[:, unit > 0] / unit[unit > 0]
             rest = flat - start @ np.linalg.lstsq(start, flat, rcond=1e-10)[0]
-            pieces.setdefault(s.recording.name, []).append((rest.reshape(p.shape), -e * self._weights(s)))
+            pieces.setdefault(s.recording.title, []).append((rest.reshape(p.shape), -e * self._weights(s)))
         return [np.concatenate([p for p, _ in list_]) for list_ in pieces.values()], [
             np.concatenate([e for _, e in list_]) for list_ in pieces.values()
         ]
@@ -171,13 +189,9 @@ class Shooting:
         theta, starts = self._split(unknown)
         met: dict[str, dict[str, list[Array]]] = {}
         for s, y in zip(self.segments, self.simulated(theta, starts), strict=True):
-            for i, name in enumerate(s.names):
-                met.setdefault(s.recording.name, {}).setdefault(name, []).append(y[:, i] * self.stds[s.recording.name][name])
-        recordings: Mapping[str, Recording] = {r.name: r for r in self.problem.fitted}
-        return {
-            r: {name: output_fit(recordings[r].outputs[name], np.concatenate(parts)) for name, parts in outputs.items()}
-            for r, outputs in met.items()
-        }
+            for name, column in zip(s.names, np.stack([s.target * s.std, y * s.std]).transpose(2, 0, 1), strict=True):
+                met.setdefault(s.recording.name, {}).setdefault(name, []).append(column)
+        return {r: {name: output_fit(*np.hstack(parts)) for name, parts in outputs.items()} for r, outputs in met.items()}
 
     def starts(self) -> Array:
         """First guesses of every segment's start, (segments, nx).
@@ -191,16 +205,14 @@ class Shooting:
         course: dict[str, Trajectory | None] = {}
         for k, s in enumerate(self.segments):
             seen = self._seen(s)
-            name = s.recording.name
+            name, known = s.recording.title, known_start(self.problem) if s.begins else {}
             if name not in course:
-                first = {q.name: seen.get(q.name, q.start) for q in dae.states} | known_start(self.problem)
+                first = {q.name: seen.get(q.name, q.start) for q in dae.states} | known
                 course[name] = self._course(s.recording, theta, first)
             run = course[name]
             for i, q in enumerate(dae.states):
                 unseen = float(run.states[q.name][s.rows.start]) if run is not None else q.start
-                out[k, i] = seen.get(q.name, unseen)
-                if s.rows.start == 0:
-                    out[k, i] = known_start(self.problem).get(q.name, out[k, i])
+                out[k, i] = known.get(q.name, seen.get(q.name, unseen))
         return out
 
     def _course(self, recording: Recording, theta: Array, first: dict[str, float]) -> Trajectory | None:
@@ -223,7 +235,7 @@ class Shooting:
         if not kept:
             return {}
         used, slope, value = [used[k] for k in kept], *(np.array([lines[k][j] for k in kept]) for j in (0, 1))
-        std = np.array([self.stds[s.recording.name][dae.outputs[i].name] for i in used])
+        std = np.array([s.std[s.names.index(dae.outputs[i].name)] for i in used])
         shown = invert_outputs(self.problem, used, value[:, None], std, s.recording.time[s.rows.start : s.rows.start + 1])
         rate = np.linalg.pinv(shown.slopes[0], rcond=1e-10) @ (slope / std)
         found = {j: float(rate[i]) for i, j, _ in dae.kinematics if i in shown.chosen} | {i: float(shown.x[i, 0]) for i in shown.chosen}

@@ -30,6 +30,7 @@ from backsight.models.analysis import OperatingPoint, equilibrium, operating_poi
 from backsight.models.errors import InputError
 
 from ..problem import Problem
+from ..wording import listed
 from .linear_predictor import LinearPredictor, differences
 from .result import Baseline, bounds, estimates, prior, require_free
 
@@ -47,15 +48,15 @@ def zoh_prediction_error(
     """Free parameters of a plant that is linear about a working point, from recordings with equal steps.
 
     point   states and inputs of the working point; None: the equilibrium at the mean inputs, with the guesses
-    noise   "forces": white forces at every balance (densities W of the problem as they are, the others estimated) and white noise of the
-            outputs; "none": of the outputs only, the output error of the linear plant
+    noise   "forces": white forces at every balance and white noise of the outputs, all of them estimated, W of the problem being where
+            that begins; "none": of the outputs only, the output error of the linear plant
 
     Raises InputError for unequal steps, linear holds and unknown names, SolveError where there is no working point.
     """
     require_free(problem, "zoh_prediction_error")
     if noise not in ("forces", "none"):
         raise InputError(f'zoh_prediction_error(noise={noise!r}): the noise is "forces" or "none".')
-    model = LinearPredictor(problem, _working_point(problem, point), with_forces=noise == "forces")
+    model = LinearPredictor(problem, _working_point(problem, point), with_forces=noise == "forces", room=LOG_ROOM)
     mean, information = prior(problem)
     count, total = len(mean), model.unknowns
     lower, upper = np.full(total, -np.inf), np.full(total, np.inf)
@@ -85,6 +86,8 @@ def zoh_prediction_error(
     at_bound = done.active_mask[:count] != 0
     std = np.where(at_bound, np.nan, model.deviations(unknown, upper, information))
     notes = [f"Linear about {model.described()}; {done.nfev} evaluations.", *model.noise_notes(unknown)]
+    if noise == "forces" and problem.weights.W:
+        notes.append(f"W of {listed(list(problem.weights.W))} was where its estimate began, and not kept.")
     if not done.success:
         notes.append("It stopped at its limit of evaluations; give more max_iterations or better guesses.")
     notes += [f"{problem.dae.parameters[i].name} ends on its bound." for k, i in enumerate(problem.free) if at_bound[k]]

@@ -1,7 +1,8 @@
 """The command `backsight`: each verb is one call of the Python API.
 
 Exit status: 0 done; 1 an error of this program; 2 bad input, nothing written; 3 no convergence, what there is is written
-and marked; 130 interrupted. A failure is one line on standard error that begins `error:`.
+and marked; 130 interrupted,
+by SIGINT or SIGTERM. A failure is one line on standard error that begins `error:`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Annotated
 
 import typer
 
-from .interrupt import remembered
+from .interrupt import remembered, said
 
 DONE, FAULT, BAD_INPUT, NO_CONVERGENCE, INTERRUPTED = 0, 1, 2, 3, 130
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # typer's own base of all mistakes on the command line
@@ -31,7 +32,8 @@ app = typer.Typer(
 
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file (TOML).")]
 Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Folder of the results [default: named after the study, beside it].")
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder of the results [default: named after the study; simulate: STUDY_simulated]."),
 ]
 Estimates = Annotated[
     Path | None,
@@ -43,6 +45,7 @@ Profiles = Annotated[
 ]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Say on standard error what is being done, a line for every stage.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output, and nothing else.")]
 
@@ -54,9 +57,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if not sys.warnoptions:
                 warnings.simplefilter("ignore")
             status = app(args=None if arguments is None else list(arguments), prog_name="backsight", standalone_mode=False)
+        if status == INTERRUPTED:  # typer has caught it
+            raise KeyboardInterrupt
         return status if isinstance(status, int) else DONE
     except KeyboardInterrupt:
-        sys.stderr.write("interrupted: nothing was written\n")
+        sys.stderr.write(f"{said()}\n")
         return INTERRUPTED
     except Exception as error:
         return _report(error)
@@ -105,13 +110,14 @@ def simulate(
     out: Out = None,
     jobs: Jobs = 1,
     scheduler: Scheduler = None,
+    verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> int:
     """Run the model under the recorded inputs, beside the recording."""
     from .commands import Options, run_simulate
 
-    return run_simulate(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json), estimates)
+    return run_simulate(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json), estimates)
 
 
 @app.command()
@@ -121,13 +127,14 @@ def smooth(
     out: Out = None,
     jobs: Jobs = 1,
     scheduler: Scheduler = None,
+    verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
 ) -> int:
     """Estimate states, residual forces and parameters, with their uncertainties, from whole recordings."""
     from .commands import Options, run_smooth
 
-    return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json), profile or ())
+    return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json), profile or ())
 
 
 def _report(error: Exception) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..study.study import Study
-from ..workers import workers
+from ..workers import check_jobs
 from .interrupt import check
 from .output import json_text, results_folder, write_estimates, write_result
 from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing
@@ -31,6 +32,7 @@ class Options:
     out: Path | None = None
     jobs: int = 1
     scheduler: str | None = None
+    verbose: bool = False
     quiet: bool = False
     json: bool = False
 
@@ -53,7 +55,7 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
 
     study = Study.read(path)
     estimated = {} if estimates is None else estimated_parameters(estimates, study.dae)
-    out = options.out or _named_after(path)
+    out = options.out or _named_after(path, "_simulated")
     with results_folder(out) as folder, _progress(options) as say:
         answer = simulate_study(study, estimated, jobs=options.jobs, scheduler=options.scheduler, progress=say)
         say("writing the report")
@@ -97,7 +99,8 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled
     from ..smoothing.profile import check_names, profile
     from ..smoothing.smoother import smooth
 
-    with results_folder(out) as folder, workers(options.jobs, options.scheduler), _progress(options) as say:
+    check_jobs(options.jobs)
+    with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
         problem = study.problem()
         check_names(problem, profiled)
@@ -116,15 +119,18 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled
     return DONE
 
 
-def _named_after(study: Path) -> Path:
-    """The folder beside the study that has its name, without .toml."""
-    return study.with_suffix("") if study.suffix else study.with_name(f"{study.name}_results")
+def _named_after(study: Path, ending: str = "") -> Path:
+    """The folder beside the study that has its name without .toml, and this ending."""
+    return study.with_name(f"{study.stem}{ending or ('' if study.suffix else '_results')}")
 
 
 @contextmanager
 def _progress(options: Options) -> Iterator[Progress]:
-    """What is being done, on standard error while it is a terminal."""
+    """What is being done, on standard error: while it is a terminal in a line that changes, or in lines that stay."""
     screen = console(stderr=True)
+    if options.verbose and not options.quiet:
+        yield _lines()
+        return
     if options.quiet or not screen.is_terminal:
         yield lambda _: check()
         return
@@ -135,6 +141,22 @@ def _progress(options: Options) -> Iterator[Progress]:
             status.update(text)
 
         yield say
+
+
+def _lines() -> Progress:
+    """Writes a line for every stage; of what is said again and again, as by the solver, the first."""
+    last, began = "", time.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal last
+        check()
+        stage = " ".join(text.split()[:2])
+        if stage != last:
+            sys.stderr.write(f"{time.monotonic() - began:8.1f} s  {text}\n")
+            sys.stderr.flush()
+        last = stage
+
+    return say
 
 
 def _say(options: Options, result: dict[str, Any], table: Callable[[], Any], out: Path) -> None:

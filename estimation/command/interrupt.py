@@ -1,7 +1,8 @@
-"""Ctrl-C that is not lost.
+"""Ctrl-C, or SIGTERM, that is not lost and comes at no wrong moment.
 
 A KeyboardInterrupt that is raised inside a destructor or a callback of a library is printed away or turned into a status there.
-So the command remembers that it was asked to stop, and asks again before anything is written.
+So the command remembers that it was asked to stop, and asks again before anything is written. While old results are exchanged for new
+ones it is remembered only.
 """
 
 from __future__ import annotations
@@ -10,31 +11,58 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 
-_asked = threading.Event()
+_asked, _held = threading.Event(), threading.Event()
+_results: list[Path] = []
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
 def remembered() -> Iterator[None]:
-    """Within the block an interrupt is raised as ever, and remembered for `check`."""
+    """Within the block an interrupt is raised as KeyboardInterrupt, and remembered for `check`."""
+    _results.clear()
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def ask(_signal: int, _frame: FrameType | None) -> None:
         _asked.set()
-        raise KeyboardInterrupt
+        if not _held.is_set():
+            raise KeyboardInterrupt
 
     _asked.clear()
-    before = signal.signal(signal.SIGINT, ask)
+    before = [signal.signal(which, ask) for which in SIGNALS]
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        _asked.clear()
+        for which, handler in zip(SIGNALS, before, strict=True):
+            signal.signal(which, handler)
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Within the block an interrupt is remembered and not raised."""
+    _held.set()
+    try:
+        yield
+    finally:
+        _held.clear()
 
 
 def check() -> None:
     """Raise KeyboardInterrupt if one was asked for since the command began."""
     if _asked.is_set():
         raise KeyboardInterrupt
+
+
+def written(out: Path) -> None:
+    """Remember that there are results in `out` now, should an interrupt come after all."""
+    _results.append(out)
+
+
+def said() -> str:
+    """What an interrupted command left behind."""
+    return f"interrupted: the results are in {_results[-1]}" if _results else "interrupted: nothing was written"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from backsight.models.errors import InputError
 
-from .interrupt import check
+from .interrupt import check, held, written
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +27,7 @@ def results_folder(out: Path) -> Iterator[Path]:
     """A folder to write into, which becomes `out` when the block ends without an exception and vanishes otherwise.
 
     It is made at once, so that an `out` that cannot be written is an InputError before the work is done. Results that
-    `out` already holds are replaced one by one at the end; other files in it are left alone.
+    `out` already holds are exchanged at the end, all or none, by renames that no interrupt divides; other files in it are left alone.
     """
     base = _existing(out)
     try:
@@ -36,13 +36,16 @@ def results_folder(out: Path) -> Iterator[Path]:
         raise InputError(f"--out {out}: {base} cannot be written to ({error.strerror or error}); choose another folder") from None
     try:
         yield partial
-        check()
-        try:
-            _move(partial, out, base)
-        except OSError as error:
-            raise InputError(f"--out {out}: the results cannot be written ({error.strerror or error})") from error
+        with held():
+            check()
+            try:
+                _move(partial, out, base)
+                written(out)
+            except OSError as error:
+                raise InputError(f"--out {out}: the results cannot be written ({error.strerror or error})") from error
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        with held():
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def write_result(result: Mapping[str, Any], path: Path) -> None:
@@ -89,11 +92,18 @@ def _move(partial: Path, out: Path, base: Path) -> None:
         partial.chmod(0o777 & ~_umask())
         partial.rename(out)
         return
-    written = {path.name for path in partial.iterdir()}
-    for name in written:
-        os.replace(partial / name, out / name)
-    for name in set(FILES) - written:
-        (out / name).unlink(missing_ok=True)
+    fresh = {path.name for path in partial.iterdir()}
+    former = partial / ".former"
+    former.mkdir()
+    moves = [(out / name, former / name) for name in sorted(fresh | set(FILES)) if (out / name).exists()]
+    moves += [(partial / name, out / name) for name in sorted(fresh)]
+    for k, (old, new) in enumerate(moves):
+        try:
+            old.rename(new)
+        except OSError:
+            for there, back in reversed(moves[:k]):
+                back.rename(there)
+            raise
 
 
 def _umask() -> int:

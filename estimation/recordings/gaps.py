@@ -38,7 +38,7 @@ def gap_note(recording: Recording) -> str | None:
     count = "a gap" if len(steps) == 1 else f"{len(steps)} gaps"
     found = f"{recording.name} has {count} of more than {limit:.3g} s ({rule}), the longest {longest:.3g} s after t = {after:.9g} s"
     if recording.role == "held_out":
-        return f"{found}: its inputs were held there, which nobody measured."
+        return f"{found}: every piece was predicted from a start of its own."
     used = recording.pieces
     left = len(recording.time) - sum(len(p.time) for p in used)
     rows = "row" if left == 1 else "rows"

@@ -104,8 +104,12 @@ def _share(rms: float, unit: str, result: Smoothing, recordings: Sequence[Record
 
 def noise_std(result: Smoothing, output: str, recording: Recording | None) -> float | None:
     """The standard deviation an output was weighed with; the recording's own where the weights do not name it."""
-    given = recording.output_std.get(output) if recording is not None else None
-    return result.weights.V.get(output, given)
+    if recording is None:
+        return result.weights.V.get(output)
+    own = recording.output_std.get(output)
+    if recording.role == "held_out" and own is not None:
+        return own
+    return result.weights.noise(output, recording.name) or own
 
 
 def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
@@ -114,7 +118,9 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
     for p in result.parameters.values():
         if p.fixed:
             continue
-        if p.identifiable is False:
+        if p.on_bound:
+            found.append(f"{code(p.name)} ended on its bound: the data pull beyond it, and all else supposes that it is right.")
+        elif p.identifiable is False:
             found.append(f"The data do not determine {code(p.name)}: its value is that of its guess or prior, or one of many.")
         elif p.std is not None and p.value and p.std > 0.2 * abs(p.value):
             found.append(f"{code(p.name)} is known to {number(100 * p.std / abs(p.value), 2)} % only.")

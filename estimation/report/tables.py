@@ -37,7 +37,7 @@ def parameter_table(result: Smoothing) -> str:
     for name, p in sorted(result.parameters.items(), key=lambda item: item[1].fixed):
         value, std = uncertain(p.value, p.std)
         share = number(100 * p.std / abs(p.value), 2) + " %" if p.std is not None and np.isfinite(p.std) and p.value else NOTHING
-        known = NOTHING if p.fixed or p.identifiable is None else "yes" if p.identifiable else "no"
+        known = NOTHING if p.fixed or p.identifiable is None else "on its bound" if p.on_bound else "yes" if p.identifiable else "no"
         guess = [number(p.guess, 6)] if guessed else []
         rows.append([name, value, NOTHING if p.fixed else std, pretty(p.unit), share, *guess, "fixed" if p.fixed else "estimated", known])
     return table(head, rows, words=(0, 3, len(head) - 2, len(head) - 1))
@@ -101,11 +101,12 @@ def weight_table(result: Smoothing) -> str:
             kind = f"Ornstein–Uhlenbeck, that rms, correlation time {quantity(tau, 's')}"
         used = quantity(summary.rms, unit) if summary is not None else NOTHING
         rows.append(["W", place, quantity(std, unit), used, f"residual force, {kind}" + (f"; {summary.origin}" if summary else "")])
-    for output, std in result.weights.V.items():
+    for name, std in result.weights.V.items():
+        output, _, of = name.partition(" [")
         unit = result.units.get(output, "")
-        met = [f[output].rms for f in result.fit.values() if output in f]
+        met = [f[output].rms for recording, f in result.fit.items() if output in f and of in ("", f"{recording}]")]
         used = quantity(float(np.sqrt(np.mean(np.square(met)))), unit) if met else NOTHING
-        rows.append(["V", output, quantity(std, unit), used, "noise of the output, white from sample to sample"])
+        rows.append(["V", name, quantity(std, unit), used, "noise of the output, white from sample to sample"])
     return table(["", "of", "std", "rms found", "meaning"], rows, words=(0, 1, 4), codes=(1,))
 
 

@@ -26,7 +26,7 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
     supposed = {q.name: q.noise_std for q in problem.dae.outputs}
     whole = {recording.name: recording for recording in problem.recordings}
     for recording in problem.fitted:
-        given = {name: problem.weights.V.get(name, recording.output_std.get(name)) for name in recording.outputs}
+        given = {name: problem.weights.noise(name, recording.name) or recording.output_std.get(name) for name in recording.outputs}
         chosen.append({name for name, std in given.items() if std is None})
         tables.append(
             {name: float(std or noise_std(whole[recording.name].outputs[name], supposed.get(name))) for name, std in given.items()}

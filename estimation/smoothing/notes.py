@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from backsight.ocp import Solution
+from backsight.ocp.follow import Followed
 
 from ..problem import Problem
 from ..recordings.gaps import gap_note
 from ..results import OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed
+from .along import forces
 from .mesh_error import allowed
 from .outliers import outlier_notes
 from .rest import ROOM
@@ -28,6 +30,9 @@ DOUBT = 0.01  # chance from which on down a test is worth a sentence
 TELLING = 1.2  # factor on a deviation from which on it is said
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
+FLOOR = 0.5  # sum r^2 over sum (1 - l), 1 where W settled; below, far beyond the iteration's own tolerance, W could go no lower
+TOLD = 8.0  # values that tell W: with fewer W^2 is within two of its own deviations of zero
+UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
 
@@ -45,7 +50,8 @@ def notes(
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution),
         *on_errors(fit),
-        *on_residuals(residuals),
+        *on_residuals(residuals, nothing_there(problem, run)),
+        *on_explaining(problem.posed, run, residuals),
     )
 
 
@@ -77,15 +83,60 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
     return found
 
 
-def on_residuals(residuals: Mapping[str, ResidualSummary]) -> list[str]:
-    """What every residual force looks like."""
+def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = ()) -> list[str]:
+    """What every residual force looks like; whether it is white not at the places `silent`, where there is none."""
     found = []
     for place, r in residuals.items():
         if r.follows is not None:
             f = r.follows
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
-        elif r.whiteness_p is not None and r.whiteness_p < DOUBT:
+        elif r.whiteness_p is not None and r.whiteness_p < DOUBT and place not in silent:
             found.append(f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there.")
+    return found
+
+
+def nothing_there(problem: Problem, run: Run) -> set[str]:
+    """Places whose W from the data ended at its floor, and not where the data want it.
+
+    With f = sum (1 - l), what the data tell of the force, a fixed point of `variances.py` has sum r^2 = f, and its W^2 a deviation of
+    sqrt(2/f) of itself. The intervals near rest, which have more room, do not count.
+    """
+    solution, found = run.choice.solution, set[str]()
+    t = solution.transcription
+    if not t.soft or solution.curvature is None or not run.choice.settled:
+        return found
+    number, std = solution.term(t.force_term), t.force_std_at(solution.values)
+    rows, leverage, scale = solution.rows[number], solution.leverage(number), solution.values.scale[number]
+    for i, k in enumerate(t.soft):
+        place = t.dae.places[k]
+        if place in problem.dae.places and place.name not in problem.weights.W:
+            part = slice(i, None, len(t.soft))
+            moving = std[i] <= 2.0 * std[i].min()
+            there = (scale[part] > 0) & moving[t.nlp.terms[number].interval]
+            squares, freedom = np.sum(rows[part][there] ** 2), np.sum(1.0 - (leverage[part] * scale[part] ** 2)[there])
+            if squares < FLOOR * freedom or freedom < TOLD:
+                found.add(place.name)
+    return found
+
+
+def on_explaining(problem: Problem, run: Run, residuals: Mapping[str, ResidualSummary]) -> list[str]:
+    """Whether the model explains anything at all, where parameters ended on bounds; problem: the posed one."""
+    solution = run.choice.solution
+    t = solution.transcription
+    held = [
+        problem.dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]].name for k in solution.solved.on_bound if k >= t.nlp.trajectory_size
+    ]
+    if not held:
+        return []
+    followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
+    largest, found = forces(problem, followed, solution.parameters), []
+    for k, force in largest.items():
+        r = residuals.get(problem.dae.places[k].name)
+        if r is not None and r.rms > UNEXPLAINED * force:
+            found.append(
+                f"residual.{r.place}, {r.rms:.3g} {r.unit} rms, is about as large as all else in its balance, {force:.3g} {r.unit} rms, "
+                f"and {listed(held)} ended on a bound: the model explains next to nothing. Check units and signs of inputs and outputs."
+            )
     return found
 
 
@@ -107,7 +158,7 @@ def _on_the_start(problem: Problem, run: Run) -> list[str]:
 
 def _on_forces(problem: Problem, run: Run) -> list[str]:
     dae, choice, found = problem.posed.dae, run.choice, []
-    t = choice.solution.transcription
+    t, silent = choice.solution.transcription, nothing_there(problem, run)
     if not t.soft and dae.places:
         found.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):
@@ -116,6 +167,12 @@ def _on_forces(problem: Problem, run: Run) -> list[str]:
             found.append(f"W of {place.name}: std {s:.3g} {place.unit} as given{colour(problem, place.name)}.")
         elif place in problem.dae.places:
             end = "" if choice.settled else "; it had not settled"
+            if place.name in silent:
+                found.append(
+                    f"W of {place.name}: no force can be told from none there; std {s:.3g} {place.unit} is the floor on which it ended, "
+                    "and the data would take less: stated deviations may be too large."
+                )
+                continue
             found.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
     if run.remeshed:
         found.append(
@@ -139,8 +196,9 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
     found += open_combinations(problem, solution)
     for k in solution.solved.on_bound:
         if k >= t.nlp.trajectory_size:
-            info = dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]]
-            value = solution.solved.decisions[k]
+            index = t.nlp.free[k - t.nlp.trajectory_size]
+            info, value = dae.parameters[index], solution.solved.decisions[k]
+            value = min(problem.parameter_range(index), key=lambda bound: abs(bound - value))  # up to the solver's tolerance
             found.append(
                 f"{info.name} ended on its bound, {value:.6g} {info.unit}: the data pull beyond it, and all other values and deviations "
                 "suppose that it is right."

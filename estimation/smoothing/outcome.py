@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from backsight.models import ParameterInfo
+from backsight.models.augmentation.parameters import case_name
 from backsight.ocp import Solution
 
 from ..problem import Free, Problem, Weights
 from ..recordings.recording import Recording
 from ..results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 from ..supposed import noisy_inputs, own_parameters
+from ..validation.rates import undriven_rates
 from ..validation.validate import Validation, followed, validate
 from .columns import columns, places
 from .notes import notes
@@ -62,7 +64,8 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     validation = validate(solution, [piece.name for piece in problem.fitted], weighed=choice.rounds > 0)
     fit = {name: validation.fits(recordings[name], table) for name, table in estimates.items()}
     inputs: dict[str, dict[str, Array]] = {name: dict(recordings[name].inputs) for name in estimates}
-    residuals = _residuals(problem, estimates, inputs, validation)
+    rates = undriven_rates(solution, problem.fitted)
+    residuals = _residuals(problem, estimates, inputs, validation, rates)
     return Smoothing(
         model=dae.name,
         parameters=_parameters(problem, solution, estimates),
@@ -72,8 +75,7 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
         fit=fit,
         weights=Weights(
             W={**problem.weights.W, **{name: std for name, std in in_force.items() if name in places(problem)}},
-            V={q.name: run.noise(first, q.name, i) for i, q in enumerate(dae.outputs) if (first := _first(q.name, run)) is not None}
-            | noisy_inputs(problem),
+            V=_noises(problem, run) | noisy_inputs(problem),
             tau=problem.weights.tau,
             kind=problem.weights.kind,
         ),
@@ -107,11 +109,15 @@ def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd
     variance = np.full(len(posed.free), np.nan) if solution.curvature is None else solution.curvature.parameter_variance
     std = dict(zip(posed.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
     number = {info.name: i for i, info in enumerate(posed.dae.parameters)}
+    size = solution.transcription.nlp.trajectory_size
+    held = {posed.free[k - size] for k in solution.solved.on_bound if k >= size}
     own, out = own_parameters(problem), {}
     for info in problem.dae.parameters:
         given = problem.parameters.get(info.name)
         for name in own.get(info.name, [info.name]):
             value, s = float(values[number[name]]), float(std.get(number[name], np.nan))
+            if number[name] in held:  # up to the solver's tolerance
+                value, s = min(posed.parameter_range(number[name]), key=lambda bound: abs(bound - value)), np.nan
             if isinstance(given, Free) and given.drift is not None:
                 path = np.vstack([table[[name, f"{name}.std"]].to_numpy() for table in estimates.values()])
                 value, s = (float(mean) for mean in np.nanmean(path, axis=0))
@@ -124,6 +130,7 @@ def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd
                 fixed=not isinstance(given, Free),
                 identifiable=_identified(value, known, info) if isinstance(given, Free) else None,
                 guess=given.guess if isinstance(given, Free) else None,
+                on_bound=number[name] in held,
             )
     return out
 
@@ -143,7 +150,11 @@ def _units(problem: Problem) -> dict[str, str]:
 
 
 def _residuals(
-    problem: Problem, estimates: dict[str, pd.DataFrame], inputs: dict[str, dict[str, Array]], validation: Validation
+    problem: Problem,
+    estimates: dict[str, pd.DataFrame],
+    inputs: dict[str, dict[str, Array]],
+    validation: Validation,
+    rates: Mapping[str, pd.DataFrame],
 ) -> dict[str, ResidualSummary]:
     out, states, units = {}, tuple(q.name for q in problem.dae.states), _units(problem)
     for place in problem.posed.dae.places:
@@ -156,11 +167,28 @@ def _residuals(
                 rms=rms,
                 origin=place.origin,
                 whiteness_p=validation.force_p.get(place.name),
-                follows=followed(place.name, place.unit, estimates, inputs, states, units),
+                follows=followed(place.name, place.unit, estimates, inputs, states, units, rates),
             )
     return out
 
 
-def _first(output: str, run: Run) -> int | None:
-    """The first recording that has an output."""
-    return next((k for k, table in enumerate(run.stds) if output in table), None)
+def _noises(problem: Problem, run: Run) -> dict[str, float]:
+    """Output -> std of its noise in force; where recordings differ also "<output> [<recording>]", beside their rms."""
+    found: dict[str, float] = {}
+    for i, q in enumerate(problem.dae.outputs):
+        own: dict[str, list[tuple[float, int]]] = {}
+        for number, piece in enumerate(problem.fitted):
+            if q.name in run.stds[number]:
+                count = int(np.isfinite(piece.outputs[q.name]).sum())
+                own.setdefault(piece.name, []).append((run.noise(number, q.name, i), count))
+        if own:
+            found[q.name] = _rms([pair for pairs in own.values() for pair in pairs])
+            each = {case_name(q.name, name): _rms(pairs) for name, pairs in own.items()}
+            found |= each if len(set(each.values())) > 1 else {}
+    return found
+
+
+def _rms(pairs: Sequence[tuple[float, int]]) -> float:
+    """The rms of values, each with how often it counts."""
+    values, counts = np.array(pairs, dtype=float).T
+    return float(values[0]) if np.all(values == values[0]) else float(np.sqrt(np.average(values**2, weights=np.maximum(counts, 1.0))))

@@ -28,16 +28,17 @@ def outlier_notes(problem: Problem, solution: Solution) -> list[str]:
             continue
         counted = solution.huber[i] & (solution.values.scale[solution.term("samples")][i] > 0)
         z = np.where(counted, np.abs(solution.standardised[i]), 0.0)
-        far = np.flatnonzero(z > FAR)
+        far = np.flatnonzero(solution.far[i] & counted)
         worst = far[np.argsort(-z[far], kind="stable")[:NAMED]]
         rule = "as given" if "huber" in asked else "from the tails of its residuals"
         open_end = "" if solution.settled else " Their weights had not settled."
+        apart = " The tests of the prediction errors leave them out."
         if not len(far):
             found.append(f"Loss of {q.name}: huber, {rule}; no sample lies beyond {FAR:g} std.{open_end}")
             continue
         found.append(
             f"Loss of {q.name}: huber, {rule}. {len(far)} of {np.count_nonzero(counted)} samples lie beyond {FAR:g} std and pull no more "
-            f"than one at {CORNER:g} std would: the farthest are {_places(problem, worst, z)}.{open_end}"
+            f"than one at {CORNER:g} std would: the farthest are {_places(problem, worst, z)}.{apart}{open_end}"
         )
     return found
 

@@ -3,8 +3,10 @@
 A smoother would bend its residual forces to any recording, so its residuals prove nothing. A prediction has parameters from the fit,
 inputs, and a start:
 
-    over the whole recording    simulated from the start that the smoothed first HEAD of it tells
+    over the whole recording    simulated from the start that the smoothed first HEAD of it tells; the rows of the HEAD do not count
     over windows                simulated from the state that the HEAD before each window tells; no later sample is used
+
+After a gap, over which nobody knows the inputs, both begin anew.
 
 Where the model does not forget its state (a free integrator), an error of the start or of a constant force adds up over the whole
 recording; the windows are then the better measure.
@@ -13,7 +15,7 @@ recording; the windows are then the better measure.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -26,15 +28,18 @@ from backsight.ocp.linear import linearise
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Prediction, Smoothing
+from ..supposed import noisy_inputs
 from ..validation.fit import output_fit
 from ..wording import listed
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Series = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 HEAD = 0.1  # of a recording
 WINDOW = 0.05  # of a recording
-WINDOWS = 10
-LEAST_ROWS = 20  # of a head
+WINDOWS = 10  # of a recording
+LEAST_ROWS = 20  # of a head, or half of a piece that has less than twice as many
+AFTER = "after"  # column that marks the rows which did not tell the start
 REMEMBERED = 0.1  # of an output's first displacement, half a recording later: a model that keeps more does not forget
 
 
@@ -48,79 +53,148 @@ def predict(problem: Problem, result: Smoothing, smooth: Callable[[Problem], Smo
         if recording.role != "held_out":
             continue
         try:
-            prediction, run = _prediction(problem, result, recording, smooth)
+            prediction, (piece, run) = _prediction(problem, result, recording, smooth)
             found[recording.name] = prediction
-            notes.append(_sentence(result, recording, prediction, remembering(problem.dae, result, recording, run)))
+            notes.append(_sentence(result, recording, prediction, remembering(problem.dae, result, piece, run)))
         except (ModelError, SolveError) as error:
             notes.append(f"Held out: {recording.name} could not be predicted: {error}.")
     return found, tuple(notes)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Head:
+    """Rows before and with row `last` of a piece, which tell the state there. rows: what is predicted from it; window: or is it all?"""
+
+    piece: Recording
+    first: int
+    last: int
+    rows: slice
+    window: bool
+
+    @property
+    def name(self) -> str:
+        return f"{self.piece.part}:{self.last}:{int(self.window)}"
+
+    @property
+    def told(self) -> slice:
+        """The rows that tell the state."""
+        return slice(self.first, self.last + 1)
+
+    @property
+    def outputs(self) -> dict[str, Series]:
+        """The outputs that have a value in them, in all rows of the piece."""
+        return {name: y for name, y in self.piece.outputs.items() if np.isfinite(y[self.told]).any()}
+
+
+def _heads(recording: Recording) -> list[_Head]:
+    """One for every piece that has rows after it, and one for every window: WINDOWS in all, by the pieces' lengths."""
+    found, window = [], round(WINDOW * len(recording.time))
+    for piece in recording.pieces:
+        n = len(piece.time)
+        head = min(n // 2, max(LEAST_ROWS, round(HEAD * n)))
+        if head < 2:
+            continue
+        found.append(_Head(piece=piece, first=0, last=head - 1, rows=slice(0, n), window=False))
+        last = n - 1 - window  # row from which the last window runs
+        if window > 1 and last > head:
+            count = max(1, round(WINDOWS * n / len(recording.time)))
+            for k in sorted({int(k) for k in np.linspace(head - 1, last, count)}):
+                found.append(_Head(piece=piece, first=k - head + 1, last=k, rows=slice(k, k + window + 1), window=True))
+    seen = [head for head in found if head.outputs]
+    if not found:
+        raise ModelError("no piece of it has four rows, two to tell its start and two to be predicted")
+    if all(head.window for head in seen):
+        time = found[0].piece.time[found[0].told]
+        raise ModelError(f"no output has a value in {time[0]:.9g} .. {time[-1]:.9g} s")
+    return seen
+
+
 def _prediction(
     problem: Problem, result: Smoothing, recording: Recording, smooth: Callable[[Problem], Smoothing]
-) -> tuple[Prediction, Trajectory]:
-    n = len(recording.time)
-    head = min(n, max(LEAST_ROWS, round(HEAD * n)))
-    window = round(WINDOW * n)
-    last = n - 1 - window  # row from which the last window runs
-    starts = sorted({int(k) for k in np.linspace(head - 1, last, WINDOWS)}) if window > 1 and last > head else []
-    heads = {k: slice(k - head + 1, k + 1) for k in (head - 1, *starts)}
+) -> tuple[Prediction, tuple[Recording, Trajectory]]:
+    heads = _heads(recording)
     states, own = _states(problem, result, recording, heads, smooth)
-    first = {q.name: problem.known_exactly.get(q.name, float(states[head - 1][q.name].iloc[0])) for q in problem.dae.states}
-    run = _simulated(problem, result, recording, slice(0, n), first, own[head - 1])
-    columns: dict[str, Array] = {"t_s": recording.time}
-    for q in problem.dae.outputs:
-        columns[q.name] = run.outputs[q.name]
-        if q.name in recording.outputs:
-            columns[f"{q.name}.measured"] = recording.outputs[q.name]
-    columns.update({q.name: run.states[q.name] for q in problem.dae.states if q.name not in columns})
-    square, count = dict.fromkeys(recording.outputs, 0.0), dict.fromkeys(recording.outputs, 0)
-    for k in starts:
-        rows = slice(k, k + window + 1)
-        start = {q.name: float(states[k][q.name].iloc[-1]) for q in problem.dae.states}
-        ahead = _simulated(problem, result, recording, rows, start, own[k])
-        for name, y in recording.outputs.items():
-            error = (y[rows] - ahead.outputs[name])[1:]
-            square[name] += float(np.nansum(error**2))
-            count[name] += int(np.isfinite(error).sum())
+    whole, runs, errors = [], list[tuple[_Head, Trajectory]](), {name: [np.empty(0)] for name in recording.outputs}
+    for head in heads:
+        rows = head.piece.time[head.rows]
+        start = {q.name: float(states[head.name][q.name].iloc[-1 if head.window else 0]) for q in problem.dae.states}
+        run = _simulated(problem, result, head.piece, head.rows, start, own[head.name])
+        if head.window:
+            for name, y in head.piece.outputs.items():
+                errors[name].append((y[head.rows] - run.outputs[name])[1:])
+            continue
+        columns: dict[str, Array] = {"t_s": rows} | {q.name: run.outputs[q.name] for q in problem.dae.outputs}
+        columns |= {q.name: run.states[q.name] for q in problem.dae.states if q.name not in columns}
+        whole.append(pd.DataFrame(columns).assign(**{AFTER: np.arange(len(rows)) > head.last}))
+        runs.append((head, run))
+    table = pd.concat(whole).set_index("t_s").reindex(recording.time).reset_index(names="t_s")
+    after = table.pop(AFTER).eq(True).to_numpy()
+    fit = {name: output_fit(np.where(after, y, np.nan), table[name].to_numpy()) for name, y in recording.outputs.items()}
+    for name in recording.outputs:
+        table.insert(list(table.columns).index(name) + 1, f"{name}.measured", recording.outputs[name])
+    ahead = {name: np.concatenate(parts) for name, parts in errors.items()}
+    (longest, run), window = max(runs, key=lambda pair: len(pair[1].t)), round(WINDOW * len(recording.time))
     prediction = Prediction(
-        estimates=pd.DataFrame(columns),
-        fit={name: output_fit(y, run.outputs[name]) for name, y in recording.outputs.items()},
-        start_s=float(recording.time[head - 1] - recording.time[0]),
-        window_s=float(np.median(recording.time[window:] - recording.time[:-window])) if starts else None,
-        window_rms={name: float(np.sqrt(square[name] / count[name])) for name in square if count[name]},
+        estimates=table,
+        fit=fit,
+        start_s=float(longest.piece.time[longest.last] - longest.piece.time[0]),
+        window_s=window * recording.sampling if any(head.window for head in heads) else None,
+        window_rms={name: float(np.sqrt(np.nanmean(e**2))) for name, e in ahead.items() if np.isfinite(e).any()},
     )
-    return prediction, run
+    return prediction, (longest.piece, run)
 
 
 def _states(
-    problem: Problem, result: Smoothing, recording: Recording, heads: dict[int, slice], smooth: Callable[[Problem], Smoothing]
-) -> tuple[dict[int, pd.DataFrame], dict[int, dict[str, float]]]:
-    """The smoothed rows of every head, all in one problem; and the parameters that vary as each head tells them, at its end."""
-    pieces = {}
-    for k, rows in heads.items():
-        outputs = {name: y[rows] for name, y in recording.outputs.items() if np.isfinite(y[rows]).any()}
-        if not outputs:
-            raise ModelError(f"no output has a value in {recording.time[rows][0]:.9g} .. {recording.time[rows][-1]:.9g} s")
-        inputs = {name: u[rows] for name, u in recording.inputs.items()}
-        pieces[k] = replace(recording, name=str(k), time=recording.time[rows], inputs=inputs, outputs=outputs, role="fit")
+    problem: Problem, result: Smoothing, recording: Recording, heads: Sequence[_Head], smooth: Callable[[Problem], Smoothing]
+) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
+    """The smoothed rows of every head, all in one problem; and the parameters that vary as each head tells them, at its end.
+
+    Only where the recording itself starts is anything known beforehand.
+    """
+    pieces = []
+    for head in heads:
+        part = 0 if head.piece.part == 0 and head.first == 0 else 1
+        pieces.append(
+            replace(
+                head.piece,
+                name=head.name,
+                time=head.piece.time[head.told],
+                inputs={name: u[head.told] for name, u in head.piece.inputs.items()},
+                outputs={name: y[head.told] for name, y in head.outputs.items()},
+                output_std={name: _noise(problem, result, recording, name) for name in head.outputs},
+                role="fit",
+                gap=np.inf,
+                part=part,
+            )
+        )
     varying = _of_heads(problem, result)
     parameters: dict[str, Free | float] = {p.name: varying.get(p.name, result.value(p.name)) for p in problem.dae.parameters}
     fixed = Problem(
-        model=problem.dae, recordings=list(pieces.values()), parameters=parameters, weights=result.weights, bounds=problem.bounds
+        model=problem.dae,
+        recordings=pieces,
+        parameters=parameters,
+        weights=replace(result.weights, V=noisy_inputs(problem)),
+        initial=problem.initial,
+        bounds=problem.bounds,
     )
     smoothed = smooth(fixed)
     if not smoothed.solver.converged:
         raise SolveError(f"its start was not found: {smoothed.solver.status.rstrip('.')}")
-    tables = {k: smoothed.estimates[str(k)] for k in pieces}
+    tables = {piece.name: smoothed.estimates[piece.name] for piece in pieces}
     own = {
         k: {
-            name: float(table[name].iloc[-1]) if free.drift is not None else smoothed.parameters[case_name(name, str(k))].value
+            name: float(table[name].iloc[-1]) if free.drift is not None else smoothed.parameters[case_name(name, k)].value
             for name, free in varying.items()
         }
         for k, table in tables.items()
     }
     return tables, own
+
+
+def _noise(problem: Problem, result: Smoothing, recording: Recording, output: str) -> float | None:
+    """Its deviation in a recording: as the problem gives it, else as the fitted recordings told it; None where none has that output."""
+    given = problem.weights.noise(output, recording.name) or recording.output_std.get(output)
+    return given if given is not None else result.weights.V.get(output)
 
 
 def _of_heads(problem: Problem, result: Smoothing) -> dict[str, Free]:

@@ -49,6 +49,16 @@ def weight(z: Array) -> Array:
     return np.asarray(CORNER / np.maximum(np.abs(z), CORNER), dtype=np.float64)
 
 
+def log_density(z: Array) -> Array:
+    """log f(z), f = exp(-rho)/Z the density of which Huber's loss is the negative log likelihood.
+
+    Z = sqrt(2 pi) (2 Phi(k) - 1) + 2/k exp(-k^2/2)        (Huber, section 4.5, the least favourable of all contaminated Gaussians)
+    """
+    Z = np.sqrt(2.0 * np.pi) * (2.0 * stats.norm.cdf(CORNER) - 1.0) + 2.0 / CORNER * np.exp(-0.5 * CORNER**2)
+    far = np.abs(z)
+    return np.asarray(-np.where(far > CORNER, CORNER * far - 0.5 * CORNER**2, 0.5 * z**2) - np.log(Z), dtype=np.float64)
+
+
 def expected_square(variance: Array) -> Array:
     """E psi(e)^2 for Gaussian e of this variance."""
     s = np.sqrt(variance)
@@ -118,6 +128,19 @@ class RobustSolution(Solution):
         """1 - l: variance of z, were all well (ny, all samples)."""
         number = self.term("samples")
         return np.asarray(np.clip(1.0 - self.leverage(number) * self.values.scale[number] ** 2, LEAST_VARIANCE, 1.0), dtype=np.float64)
+
+    @property
+    def far(self) -> Mask:
+        """Samples that lie beyond FAR of the deviation that their residual has (ny, all samples)."""
+        return self.huber & (np.abs(self.standardised) > FAR * np.sqrt(self.remaining))
+
+    @property
+    def without_outliers(self) -> Solution:
+        """The same trajectories with the scales of squares, and without the samples that lie far off: what tests of whiteness suppose."""
+        number = self.term("samples")
+        scale = np.where(self.far, 0.0, self.values.scale[number] / np.sqrt(self.weights * self.gain))
+        values = replace(self.values, scale=tuple(scale if i == number else s for i, s in enumerate(self.values.scale)))
+        return Solution(transcription=self.transcription, solver=self.solver, values=values, solved=self.solved)
 
     def squares(self) -> tuple[Array, Array]:
         """psi^2 and what it should be with the right scale (ny, all samples)."""

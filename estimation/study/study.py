@@ -22,7 +22,7 @@ from backsight.models import Dae, Model
 from backsight.models.errors import InputError, suggestion
 
 from ..recordings.columns import InputColumn, OutputColumn
-from ..recordings.excitation import check_excitation
+from ..recordings.excitation import check_excitation, told_at_rest
 from ..recordings.recording import Recording
 from ..wording import number, quoted
 from .errors import place, sentence
@@ -148,8 +148,9 @@ class Study:
                 parameters[name] = Free(float(entry.guess), low, high, entry.std, entry.drift, entry.per_recording)
             else:
                 parameters[name] = float(entry)
-        if any(isinstance(value, Free) for value in parameters.values()):
-            check_excitation(fitted, label=self.label)
+        free = [name for name, value in parameters.items() if isinstance(value, Free)]
+        if free:
+            check_excitation(fitted, label=self.label, told=lambda: told_at_rest(self.dae, free, self.values(), fitted))
         # a law's residual force is switched on by compiling the model anew with its place
         dormant = {p.name for p in self.dae.dormant_places}
         model = self.model if dormant & set(weights.W) else self.dae
@@ -187,15 +188,15 @@ class Study:
             self._known(name, [q.name for q in self.dae.states], table, name, what="state")
 
     def _weights(self) -> Weights:
-        from ..problem import Weights
+        from ..problem import Weights, noise_names
         from ..supposed import relaxable
 
         table: WeightTable = self.file.weights
         places = [p.name for p in (*self.dae.places, *self.dae.dormant_places)]
         for name in table.W:
             self._known(name, [*places, *relaxable(self.dae)], "weights", "W", name, what="place")
-        for name in table.V:
-            self._known(name, [q.name for q in (*self.dae.outputs, *self.dae.inputs)], "weights", "V", name, what="output or input")
+        for name, key in noise_names(table.V, self.dae).items():
+            self._known(name, [q.name for q in (*self.dae.outputs, *self.dae.inputs)], "weights", "V", key, what="output or input")
         return Weights(
             W={name: weight.deviation for name, weight in table.W.items()},
             V={name: weight.deviation for name, weight in table.V.items()},

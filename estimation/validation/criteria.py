@@ -8,6 +8,9 @@
     AIC                -2 log p(y | x^, p^) + 2 k          (conditional: Vaida & Blanchard, Biometrika 92, 2005)
     BIC                -2 log p(y | x^, p^) + k log n
 
+The density of a sample is Gaussian, or where its loss is Huber's the one that goes with it (`robust.py`); then the log likelihood too is
+Laplace's approximation, with the curvature in force.
+
 A parameter of which nothing is known counts as spread evenly over its own nominal size, so that evidences of models with
 different parameters can be compared; how wide it is matters to the log evidence by its logarithm. With
 weights left to the data, k does not count them. All are natural logarithms; more evidence, less AIC and BIC are better, among models of the
@@ -21,8 +24,10 @@ import numpy as np
 from backsight.ocp import Solution
 
 from ..results import Criteria
+from ..smoothing.robust import RobustSolution, log_density
 from .innovations import Filtered
 
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 LOG_2PI = float(np.log(2.0 * np.pi))
 
 
@@ -35,12 +40,12 @@ def criteria(solution: Solution, filtered: Filtered | None) -> Criteria | None:
     scale, rows = solution.values.scale[samples], solution.rows[samples]
     there = scale > 0
     n = int(there.sum())
-    log_scale = float(np.sum(np.log(scale[there])))
-    conditional = log_scale - 0.5 * n * LOG_2PI - 0.5 * float(np.sum(rows[there] ** 2))
+    conditional = float(np.sum(_log_densities(solution, samples)[there]))
     k = float(np.sum((solution.leverage(samples) * scale**2)[there]))
     priors = [i for i, term in enumerate(t.nlp.terms) if term.name == "parameter prior"]
     prior_squares = float(sum(np.sum(solution.rows[i] ** 2) for i in priors))
     squares = float(sum(np.sum(r**2) for r, term in zip(solution.rows, t.nlp.terms, strict=True) if not term.equality))
+    squares -= float(np.sum(rows[there] ** 2)) + prior_squares
     known_starts = [i for i, term in enumerate(t.nlp.terms) if term.name == "initial state"]
     start_scale = np.concatenate([solution.values.scale[i].ravel() for i in known_starts] or [np.empty(0)])
     start_scale = start_scale[start_scale > 0]
@@ -48,10 +53,9 @@ def criteria(solution: Solution, filtered: Filtered | None) -> Criteria | None:
     if filtered.determined:
         directions = sum(run.E.shape[1] for run in filtered.horizons) - len(filtered.horizons) * len(filtered.parameter_root)
         likelihood = (
-            log_scale
-            - 0.5 * n * LOG_2PI
+            conditional
             - sum(run.log_roots for run in filtered.horizons)
-            - 0.5 * (squares - prior_squares)
+            - 0.5 * squares
             + 0.5 * directions * LOG_2PI
             - filtered.first_root
             + float(np.sum(np.log(start_scale)))
@@ -72,6 +76,17 @@ def criteria(solution: Solution, filtered: Filtered | None) -> Criteria | None:
         effective_parameters=k,
         samples=n,
     )
+
+
+def _log_densities(solution: Solution, number: int) -> Array:
+    """log p(y_k | x^, p^) of every sample, term `number`, (ny, all samples); of no meaning where there is none."""
+    scale, rows = solution.values.scale[number], solution.rows[number]
+    plain = -0.5 * (rows**2 + LOG_2PI)
+    with np.errstate(divide="ignore"):
+        if isinstance(solution, RobustSolution):
+            scale = scale / np.sqrt(solution.weights * solution.gain)
+            plain = np.where(solution.huber, log_density(solution.standardised), plain)
+        return np.asarray(np.log(scale) + plain)
 
 
 def _log_prior(solution: Solution, squares: float) -> float:

@@ -63,8 +63,11 @@ def own_states(place: str, place_unit: str, states: tuple[str, ...], units: Mapp
     return sorted(chosen, key=lambda s: (units.get(s) not in VELOCITY_UNITS, units.get(s) not in POSITION_UNITS)), bool(own)
 
 
-def laws(state: str, unit: str, values: np.ndarray, time: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
-    """Functions of a state that laws of mechanics are made of: (in words, what they would look like, their values)."""
+def laws(state: str, unit: str, values: np.ndarray, time: np.ndarray, rate: np.ndarray | None = None) -> list[tuple[str, str, np.ndarray]]:
+    """Functions of a state that laws of mechanics are made of: (in words, what they would look like, their values).
+
+    rate: of the state, without what the residual itself adds to it (`rates.py`); by differences where it is not given.
+    """
     if unit in VELOCITY_UNITS and time.size > 2:
         # Below a thousandth of the usual speed the sign is noise, not motion.
         width = 1e-3 * float(np.sqrt(np.nanmean(values**2))) or 1.0
@@ -73,7 +76,7 @@ def laws(state: str, unit: str, values: np.ndarray, time: np.ndarray) -> list[tu
             (state, "viscous friction", values),
             (f"|{state}|", "friction that differs between the two directions", np.abs(values)),
             (f"{state} squared, with its sign", "drag", values * np.abs(values)),
-            (f"the rate of change of {state}", "a wrong or missing inertia", np.gradient(values, time)),
+            (f"the rate of change of {state}", "a wrong or missing inertia", np.gradient(values, time) if rate is None else rate),
         ]
     if unit in POSITION_UNITS:
         return [(state, "a spring, or weight on a slope", values)]
@@ -88,13 +91,19 @@ def companion(
     rows: np.ndarray,
     inputs: Mapping[str, np.ndarray] | None = None,
     unit: str = "",
+    rates: pd.DataFrame | None = None,
 ) -> Companion | None:
     """What goes with a residual [unit] most, if that is plain: a function of the states, an input, or nothing but time.
 
-    rows: which samples are looked at.
+    rows: which samples are looked at. rates: of the states, by time.
     """
+    if rates is not None:
+        rates = rates.reindex(frame["t_s"])
     time, best = frame["t_s"].to_numpy(float), None
-    found = [law for state in states for law in laws(state, units.get(state, ""), frame[state].to_numpy(float), time)]
+    found = []
+    for state in states:
+        rate = rates[state].to_numpy(float) if rates is not None and state in rates else None
+        found += laws(state, units.get(state, ""), frame[state].to_numpy(float), time, rate)
     found += [(f"the input {name}", "an input whose gain is off", np.asarray(u, dtype=float)) for name, u in (inputs or {}).items()]
     for what, law, values in found:
         r, deviation = correlation(residual[rows], values[rows])

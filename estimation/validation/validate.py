@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +12,7 @@ from backsight.ocp import Solution
 
 from ..recordings.recording import Recording
 from ..results import Companion, Criteria, OutputFit
+from ..smoothing.robust import RobustSolution
 from .criteria import criteria
 from .fit import output_fit
 from .forces import force_whiteness
@@ -46,19 +47,20 @@ class Validation:
 
 
 def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) -> Validation:
-    """Validate a solution; recordings: of every horizon its name."""
+    """Validate a solution; recordings: of every horizon its name. What Huber's loss found far off is left out of all tests."""
     filtered = innovations(solution)
-    if filtered is None:
+    tested = innovations(solution.without_outliers) if isinstance(solution, RobustSolution) else filtered
+    if filtered is None or tested is None:
         return Validation(weighed=weighed)
     dae = solution.transcription.dae
     errors: dict[str, dict[str, list[Array]]] = {name: {q.name: [] for q in dae.outputs} for name in recordings}
-    for name, run in zip(recordings, filtered.horizons, strict=True):
+    for name, run in zip(recordings, tested.horizons, strict=True):
         for i, q in enumerate(dae.outputs):
             errors[name][q.name].append(run.errors[:, i])
     return Validation(
         errors={name: {output: np.concatenate(parts) for output, parts in table.items()} for name, table in errors.items()},
         criteria=criteria(solution, filtered),
-        force_p={dae.places[k].name: p for k, p in force_whiteness(solution, filtered).items()},
+        force_p={dae.places[k].name: p for k, p in force_whiteness(solution, tested).items()},
         weighed=weighed,
     )
 
@@ -70,6 +72,7 @@ def followed(
     inputs: dict[str, dict[str, Array]],
     states: tuple[str, ...],
     units: dict[str, str],
+    rates: Mapping[str, pd.DataFrame],
 ) -> Companion | None:
     """What the residual of a place goes with most, in the recording where that is plainest."""
     found = []
@@ -77,6 +80,6 @@ def followed(
         w = table[f"residual.{place}"].to_numpy(float)
         rows = np.unique(np.linspace(0, len(w) - 1, min(len(w), ROWS)).astype(int))
         chosen, _ = own_states(place, unit, states, units)
-        friend = companion(w, chosen, table, units, rows, inputs.get(name), unit)
+        friend = companion(w, chosen, table, units, rows, inputs.get(name), unit, rates.get(name))
         found += [friend] if friend is not None else []
     return max(found, key=lambda c: abs(c.correlation), default=None)

@@ -64,6 +64,29 @@ def test_a_known_start_is_kept_and_several_recordings_share_the_parameters():
     assert found.parameters["mass.m"].std < 2e-3
 
 
+def test_a_gap_begins_a_new_segment_and_what_is_known_of_the_start_is_not_known_there():
+    """Another force acts in the gap; both pieces count in the fit, and the motion before and after has its own exact solution."""
+    plant, n = truths.Plant(m=M, d=D, k=K, offset=OFFSET), 500
+    rng = np.random.default_rng(12)
+    time, u = 0.02 * np.arange(n), 20 * np.repeat(rng.normal(size=n // 5), 5)
+    gone = (np.arange(n) > 200) & (np.arange(n) < 260)
+    x = truths.motion(plant, time, np.where(gone, 50.0, u), np.array([0.02, -0.1]))[:, 0] + 1e-4 * rng.normal(size=n)
+    run = Recording(name="run", time=time[~gone], inputs={"F": u[~gone]}, outputs={"x": x[~gone]})
+    start = {"mass.s": 0.02, "mass.v": -0.1}
+    found = prediction_error(Problem(model=OSCILLATOR, recordings=[run], parameters=FREE, initial=start))
+    for name, true in TRUE.items():
+        assert abs(found.parameters[name].value - true) < 4 * found.parameters[name].std < 0.02
+    assert found.fit["run"]["x"].samples == n - gone.sum()
+    assert found.fit["run"]["x"].rms == pytest.approx(1e-4, rel=0.1)
+
+
+def test_a_recording_of_a_few_rows_is_refused():
+    few = recorded(1, n=10)
+    short = Recording(name="few", time=few.time[:8], inputs={"F": few.inputs["F"][:8]}, outputs={"x": few.outputs["x"][:8]})
+    with pytest.raises(InputError, match="few: prediction_error needs 10 rows and there are 8"):
+        prediction_error(Problem(model=OSCILLATOR, recordings=[short], parameters=FREE))
+
+
 def test_friction_that_sticks_is_found_from_a_motion_that_sticks():
     """m v' = F - f_c sgn(v), every step solved in closed form until it stops: true rest, no rounding."""
     rng, n, h, mass, f_c = np.random.default_rng(6), 600, 0.01, 95.0, 20.0

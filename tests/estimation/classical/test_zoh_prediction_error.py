@@ -11,7 +11,7 @@ from examples import OFFSET, D, K, M, compiled, oscillator
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from backsight.estimation import Free, Problem, Recording
+from backsight.estimation import Free, Problem, Recording, Weights
 from backsight.estimation.classical import zoh_prediction_error
 from backsight.models import SolveError
 from backsight.models.errors import InputError
@@ -76,6 +76,27 @@ def test_string_and_bit_are_found_from_voltage_and_current():
         assert abs(found[name].value - true) < 4 * found[name].std
     assert found["string.k"].value == pytest.approx(K_S, rel=0.07)
     assert found["bit.tau_sl"].value == pytest.approx(TAU, rel=0.06)
+
+
+def test_where_no_force_acts_deviations_are_those_of_the_output_error():
+    """No density can be found then; a row of rounding for it would shake the deviations of the parameters by whole factors."""
+    for seed in range(4):
+        problem = Problem(model=OSCILLATOR, recordings=[recorded(seed, force_std=0.0, noise=1e-3)], parameters=FREE)
+        forces, plain = (zoh_prediction_error(problem, noise=noise).parameters for noise in ("forces", "none"))
+        for name in TRUE:
+            assert 0.9 < forces[name].std / plain[name].std < 1.5
+
+
+def test_a_gap_leaves_both_pieces_in_the_fit_and_a_given_w_is_said_to_be_a_beginning():
+    run, gone = recorded(5, force_std=0.5, noise=5e-3), (np.arange(800) > 300) & (np.arange(800) < 360)
+    cut = Recording(name="run", time=run.time[~gone], inputs={"F": run.inputs["F"][~gone]}, outputs={"x": run.outputs["x"][~gone]})
+    start = {"mass.s": 0.02, "mass.v": -0.1}
+    problem = Problem(model=OSCILLATOR, recordings=[cut], parameters=FREE, initial=start, weights=Weights(W={"mass": 5.0}))
+    found = zoh_prediction_error(problem)
+    assert found.fit["run"]["x"].samples == 800 - gone.sum()
+    for name, true in TRUE.items():
+        assert abs(found.parameters[name].value - true) < 4 * found.parameters[name].std
+    assert "W of mass was where its estimate began, and not kept." in found.notes
 
 
 def test_what_is_known_beforehand_counts():

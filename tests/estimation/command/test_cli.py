@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -103,9 +104,9 @@ def test_simulate_needs_no_outputs_and_starts_from_initial(folder):
     text = STUDY.replace('outputs = { x = { column = "x_m", std = 1e-5 } }', "") + '\n[initial]\n"carriage.s" = 0.25\n'
     Path("study.toml").write_text(text)
     assert main(["simulate", "study.toml", "--quiet"]) == 0
-    table = pd.read_csv("study/estimates.csv")
+    table = pd.read_csv("study_simulated/estimates.csv")
     assert table["x"].iloc[0] == 0.25
-    assert json.loads(Path("study/result.json").read_text())["fit"] == {"record.csv": {}}
+    assert json.loads(Path("study_simulated/result.json").read_text())["fit"] == {"record.csv": {}}
 
 
 def test_several_recordings_are_simulated_alike_by_one_process_and_by_two(folder):
@@ -186,6 +187,54 @@ def test_profiles_are_written_and_printed(folder, capsys):
 def test_a_profile_of_what_is_fixed_is_refused_before_the_work(folder, capsys):
     error = fails(capsys, folder, "smooth", "study.toml", "--profile", "friction.f_c")
     assert '"friction.f_c" is not estimated' in error
+
+
+def test_the_three_lines_of_the_readme_follow_each_other(folder):
+    """Simulated, smoothed, and simulated again with what was found: in folders of their own."""
+    assert main(["smooth", "study.toml", "--quiet"]) == 0
+    smoothed = content(folder / "study")
+    assert main(["simulate", "study.toml", "--quiet"]) == 0
+    assert content(folder / "study") == smoothed
+    assert main(["simulate", "study.toml", "--estimates", "study", "--out", "again", "--quiet"]) == 0
+    assert json.loads(Path("again/result.json").read_text())["fit"]["record.csv"]["x"]["fit_percent"] > 99
+    guessed = json.loads(Path("study_simulated/result.json").read_text())["fit"]["record.csv"]["x"]["fit_percent"]
+    assert guessed < 90
+
+
+def test_smooth_opens_no_pool_that_nobody_uses(folder, monkeypatch):
+    from backsight.estimation import workers
+
+    monkeypatch.setattr(workers, "ProcessPoolExecutor", None)
+    assert main(["smooth", "study.toml", "--jobs", "2", "--scheduler", "tcp://nowhere.invalid:1", "--quiet"]) == 0
+
+
+def test_verbose_says_every_stage_in_a_line_of_its_own(folder, capsys):
+    assert main(["smooth", "study.toml", "--verbose", "--json"]) == 0
+    out, err = capsys.readouterr()
+    json.loads(out)
+    stages = [line.split(" s  ")[1] for line in err.splitlines()]
+    assert stages[0] == "reading the study"
+    assert stages[-1] == "writing the report"
+    assert any(s.startswith("mesh of") for s in stages)
+    assert all(a.split()[:2] != b.split()[:2] for a, b in pairwise(stages))
+
+
+def test_a_parameter_on_its_bound_is_there_exactly_and_says_so(folder, capsys):
+    text = STUDY.replace("guess = 100.0, min = 0.0, max = 1e4", "guess = 250.0, min = 230.0, max = 1e4")
+    Path("study.toml").write_text(text)
+    assert main(["smooth", "study.toml"]) == 0
+    out = capsys.readouterr().out
+    assert "230 N.s/m (on its bound)" in " ".join(out.split())
+    assert "friction.d ended on its bound" in out
+    found = json.loads(Path("study/result.json").read_text())["parameters"]["friction.d"]
+    assert (found["value"], found["std"]) == (230.0, None)
+
+
+def test_an_interrupt_after_the_results_are_written_says_where_they_are(folder, capsys, monkeypatch):
+    monkeypatch.setattr(commands, "_say", raising(KeyboardInterrupt()))
+    assert main(["simulate", "study.toml"]) == 130
+    assert capsys.readouterr().err == "interrupted: the results are in study_simulated\n"
+    assert Path("study_simulated/result.json").is_file()
 
 
 def test_quiet_prints_nothing(folder, capsys):
@@ -319,7 +368,7 @@ def test_a_solver_that_gives_up_ends_with_status_3_and_an_interrupt_with_130(fol
     assert "t = 1.2 s" in fails(capsys, folder, "smooth", "study.toml", status=3)
     monkeypatch.setattr(commands, "run_smooth", raising(KeyboardInterrupt()))
     assert main(["smooth", "study.toml"]) == 130
-    assert capsys.readouterr() == ("", "")
+    assert capsys.readouterr() == ("", "interrupted: nothing was written\n")
 
 
 def test_version_and_help_say_what_there_is(capsys):
@@ -335,7 +384,8 @@ def test_version_and_help_say_what_there_is(capsys):
 
 
 @pytest.mark.slow
-def test_an_interrupt_from_the_keyboard_ends_the_process_with_130_and_leaves_nothing(folder):
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_the_process_with_130_and_leaves_nothing(folder, which):
     t = np.arange(60_000) * 1e-3
     pd.DataFrame({"t_s": t, "F_N": 50 * np.sin(t), "x_m": np.cos(t)}).to_csv("record.csv", index=False)
     before = set(content(folder))
@@ -346,10 +396,10 @@ def test_an_interrupt_from_the_keyboard_ends_the_process_with_130_and_leaves_not
             break
         time.sleep(0.05)
     time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(which)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert "Traceback" not in err
+    assert err == "interrupted: nothing was written\n"
     assert set(content(folder)) == before
 
 

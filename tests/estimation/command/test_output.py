@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import signal
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from backsight.estimation.command.interrupt import remembered
 from backsight.estimation.command.output import json_text, results_folder, write_estimates
 from backsight.models.errors import InputError
 
@@ -46,6 +49,48 @@ def test_success_replaces_old_results_and_leaves_other_files_alone(tmp_path):
     with results_folder(tmp_path) as folder:
         (folder / "result.json").write_text("new")
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"result.json": "new", "mine.txt": "old"}
+
+
+def write_new(target, *names):
+    with results_folder(target) as folder:
+        for name in names:
+            (folder / name).write_text("new")
+
+
+def test_an_interrupt_among_the_renames_leaves_no_mixture(tmp_path, monkeypatch):
+    for name in ("result.json", "estimates.csv", "report.html", "mine.txt"):
+        (tmp_path / name).write_text("old")
+    plain, asked = Path.rename, []
+
+    def interrupted(path, target):
+        if not asked:
+            asked.append(path)
+            signal.raise_signal(signal.SIGTERM)
+        return plain(path, target)
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with remembered():
+        write_new(tmp_path, "result.json", "estimates.csv", "report.html")
+    assert asked
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == dict.fromkeys(("result.json", "estimates.csv", "report.html"), "new") | {
+        "mine.txt": "old"
+    }
+
+
+def test_a_rename_that_fails_brings_the_old_results_back(tmp_path, monkeypatch):
+    for name in ("result.json", "estimates.csv"):
+        (tmp_path / name).write_text("old")
+    plain = Path.rename
+
+    def failing(path, target):
+        if path.parent != tmp_path and path.name == "result.json" and ".former" not in path.parts:
+            raise OSError(28, "No space left on device")
+        return plain(path, target)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_new(tmp_path, "result.json", "estimates.csv")
+    assert {p.name: p.read_text() for p in tmp_path.iterdir()} == {"result.json": "old", "estimates.csv": "old"}
 
 
 def test_a_file_in_the_way_is_refused_before_any_work(tmp_path):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_runs import ALL_FREE, STD, STEP, many, problem
+import truths
+from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
-from backsight.estimation import Weights
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.results import Companion, OutputFit, ResidualSummary
 from backsight.estimation.smoothing.notes import on_errors, on_residuals
 
@@ -78,3 +79,35 @@ def test_a_right_model_has_nothing_to_say_of_its_errors():
     words = ("not white", "not normal", "follows", "promise")
     assert not [note for note in result.notes if any(word in note for word in words)]
     assert result.fit["run"]["x"].prediction_rms == pytest.approx(1.0, abs=4 / np.sqrt(2 * 800))
+
+
+def axis_run(seed: int, force: float, std: float = 1e-4, sign: float = 1.0) -> Recording:
+    rng, n = np.random.default_rng(seed), 600
+    time, u = 0.01 * np.arange(n), np.repeat(5 * rng.choice([-1.0, 1.0], size=61), 10)[:n]
+    x = truths.disturbed(PLANT, time, u, np.zeros(2), force, rng) if force else truths.motion(PLANT, time, u, np.zeros(2))
+    y = x[:, 0] + std * rng.standard_normal(n)
+    return Recording(name="run", time=time, inputs={"F": sign * u}, outputs={"x": y}, output_std={"x": std})
+
+
+@pytest.mark.parametrize("std", [1e-4, 1e-6])
+@pytest.mark.parametrize("force", [0.0, 0.02])
+def test_where_no_force_acts_the_floor_is_named_and_no_memory_and_where_one_acts_its_size(std, force):
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": PLANT.d, "offset.f": PLANT.offset}
+    for seed in range(3):
+        notes = smooth(Problem(model=MODEL, recordings=[axis_run(seed, force, std)], parameters=free)).notes
+        (note,) = [n for n in notes if n.startswith("W of mass")]
+        assert ("no force can be told from none" in note) == (force == 0.0), note
+        assert ("from what the fit leaves over" in note) == (force > 0.0)
+        assert force or not any("a force with a memory" in n for n in notes)
+
+
+def test_a_sign_that_is_wrong_is_suspected_where_bounds_hold_and_nothing_is_explained():
+    free = {"mass.m": Free(2.2, 0.1, 1e3), "spring.k": Free(45.0, 1.0, 1e3), "damper.d": Free(1.0, 0.0, 1e2), "offset.f": Free(0.0)}
+    wrong = smooth(Problem(model=MODEL, recordings=[axis_run(0, 0.02, sign=-1.0)], parameters=free)).notes
+    (note,) = [n for n in wrong if "explains next to nothing" in n]
+    assert "Check units and signs of inputs and outputs." in note
+    # a bound that holds while the rest is right is no reason
+    tight = {**free, "damper.d": Free(1.8, 1.6, 1e2)}
+    right = smooth(Problem(model=MODEL, recordings=[axis_run(0, 0.02)], parameters=tight)).notes
+    assert any("damper.d ended on its bound, 1.6" in n for n in right)
+    assert not any("explains next to nothing" in n for n in right)

@@ -9,7 +9,7 @@ import pytest
 import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
-from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
 from backsight.models import InputError
 from backsight.models.plants import actuator
@@ -127,3 +127,83 @@ def test_friction_is_predicted_with_the_sharp_law_of_a_simulation():
     s = smooth(Problem(model=actuator(), recordings=recordings, parameters=parameters, weights=Weights(W={"carriage": 0.5})))
     creep = np.ptp(s.held_out["other"].estimates["carriage.v"].iloc[5:])
     assert creep < 1e-5
+
+
+def start_deviation(recording: Recording, rows: int, std: float) -> np.ndarray:
+    """What least squares on the first rows knows of the start (s, v), by differences of simulations."""
+    time, u = recording.time[:rows], recording.inputs["F"][:rows]
+    J = np.column_stack([truths.motion(PLANT, time, u, e)[:, 0] - truths.motion(PLANT, time, u, -e)[:, 0] for e in np.eye(2)]) / 2
+    return std * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+
+
+@pytest.mark.parametrize("given", ["by the recording", "by V", "by nobody"])
+def test_the_start_is_weighed_by_the_recordings_own_noise_and_not_by_that_of_the_fitted_one(given):
+    """A held-out sensor 1000 times as noisy: as precise as the fitted one, it would shake the force and the start."""
+    noisy, rng = 5e-3, np.random.default_rng(3)
+    other = record("other", 2, start=(0.05, 0.0), n=1500)
+    y = truths.motion(PLANT, other.time, other.inputs["F"], np.array([0.05, 0.0]))[:, 0] + noisy * rng.normal(size=1500)
+    own = {"by the recording": {"x": noisy}}.get(given, {"x": None})
+    fit = record("fit", 1, role="fit")
+    time = fit.time
+    exact = truths.motion(PLANT, time, fit.inputs["F"], np.array([0.02, -0.1]))[:, 0] + 5e-6 * rng.normal(size=len(time))
+    V = {"by V": {"x [other]": noisy}}.get(given, {})
+    sensor = noisy if given == "by nobody" else 5e-6  # what nobody gave is as the fitted recording told it
+    fit = replace(fit, outputs={"x": exact if sensor < noisy else exact + noisy * rng.normal(size=len(time))}, output_std={"x": sensor})
+    recordings = [fit, replace(other, outputs={"x": y}, output_std=own)]
+    known = {"mass.m": M, "spring.k": K}
+    s = smooth(Problem(model=MODEL, recordings=recordings, parameters=known, weights=Weights(W={"mass": 0.02}, V=V)))
+    start = s.held_out["other"].estimates[["mass.s", "mass.v"]].iloc[0].to_numpy()
+    assert np.all(np.abs(start - [0.05, 0.0]) < 4 * start_deviation(other, 150, noisy))
+
+
+def test_weights_of_a_result_serve_again_with_a_noise_for_every_recording():
+    rng, recordings = np.random.default_rng(0), []
+    for name, std in (("a", 1e-4), ("b", 2e-3)):
+        r = record(name, 1, role="fit")
+        y = truths.motion(PLANT, r.time, r.inputs["F"], np.array([0.02, -0.1]))[:, 0] + std * rng.normal(size=len(r.time))
+        recordings.append(replace(r, outputs={"x": y}, output_std={"x": std}))
+    given = {"mass.m": Free(3.0), "spring.k": Free(30.0)}
+    once = smooth(Problem(model=MODEL, recordings=recordings, parameters=given, weights=Weights(W={"mass": 0.02})))
+    assert pytest.approx({"x": np.sqrt((1e-4**2 + 2e-3**2) / 2), "x [a]": 1e-4, "x [b]": 2e-3}) == once.weights.V
+    again = smooth(Problem(model=MODEL, recordings=recordings, parameters=given, weights=once.weights))
+    for name in given:
+        assert again.parameters[name].value == pytest.approx(once.parameters[name].value, abs=0.01 * once.parameters[name].std)
+        assert again.parameters[name].std == pytest.approx(once.parameters[name].std, rel=1e-3)
+    assert again.fit["b"]["x"].prediction_rms == pytest.approx(1.0, abs=0.15)
+
+
+def interrupted(rows: np.ndarray) -> tuple[Recording, np.ndarray]:
+    """A recording of which these rows are missing, and its positions without noise; the force in between goes unrecorded."""
+    other = record("other", 2, n=1200)
+    truth = truths.motion(PLANT, other.time, other.inputs["F"] + np.where(rows, 60.0, 0.0), np.array([0.02, -0.1]))[:, 0]
+    noise = other.outputs["x"] - truths.motion(PLANT, other.time, other.inputs["F"], np.array([0.02, -0.1]))[:, 0]
+    kept = ~rows
+    inputs, outputs = {"F": other.inputs["F"][kept]}, {"x": (truth + noise)[kept]}
+    return replace(other, time=other.time[kept], inputs=inputs, outputs=outputs), truth[kept]
+
+
+@pytest.mark.parametrize(("a", "b"), [(1, 60), (20, 80), (600, 660)])
+def test_after_a_gap_the_prediction_begins_anew(a, b):
+    """Whatever acted in the gap; a row alone before it belongs to no piece."""
+    k = np.arange(1200)
+    other, _ = interrupted((k >= a) & (k < b))
+    p = fitted(other, parameters={"mass.m": M, "spring.k": K}).held_out["other"]
+    assert p.fit["x"].rms == pytest.approx(STD, rel=0.2)
+    assert p.window_rms["x"] == pytest.approx(STD, rel=0.2)
+    assert len(p.estimates) == len(other.time)
+    assert np.isnan(p.estimates["x"].iloc[0]) == (a == 1)
+    assert np.array_equal(p.estimates["x.measured"], other.outputs["x"])
+
+
+def test_rows_that_told_the_start_do_not_count_in_the_fit():
+    other = record("other", 2)
+    p = fitted(other, parameters={"mass.m": M, "spring.k": 5 * K}).held_out["other"]
+    after = other.time > p.start_s + 1e-9
+    error = (other.outputs["x"] - p.estimates["x"].to_numpy())[after]
+    assert p.fit["x"].samples == after.sum() == 360
+    assert p.fit["x"].rms == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+
+
+def test_what_is_known_of_a_start_is_known_of_that_of_a_held_out_recording():
+    s = fitted(record("other", 2, start=(-0.1, -0.1)), initial={"mass.v": Known(-0.1, 1e-5)})
+    assert s.held_out["other"].estimates["mass.v"].iloc[0] == pytest.approx(-0.1, abs=1e-4)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import truths
@@ -50,6 +52,70 @@ def test_the_expected_squares_and_slopes_are_the_integrals_over_a_gaussian(varia
     beyond = 2 * CORNER**2 * stats.norm.sf(CORNER / np.sqrt(variance))
     assert expected_square(np.array(variance)) == pytest.approx(inside + beyond, rel=1e-9)
     assert expected_slope(np.array(variance)) == pytest.approx(integrate.quad(density, -CORNER, CORNER)[0], rel=1e-9)
+
+
+def hubers_density(z: np.ndarray) -> np.ndarray:
+    """log f, with its integral by quadrature."""
+
+    def rho(z):
+        return np.where(np.abs(z) > CORNER, CORNER * np.abs(z) - CORNER**2 / 2, np.square(z) / 2)
+
+    return -rho(z) - np.log(integrate.quad(lambda e: np.exp(-rho(e)), -60, 60, points=[-CORNER, CORNER])[0])
+
+
+def motion_errors(r: Recording, offset: float = OFFSET) -> np.ndarray:
+    plant = truths.Plant(m=M, d=D, k=K, offset=offset)
+    return (r.outputs["x"] - truths.motion(plant, r.time, r.inputs["F"], np.array([0.02, -0.1]))[:, 0]) / STD
+
+
+def known_but(r: Recording, **free: Free) -> Smoothing:
+    """All known but these parameters, and hardly a force."""
+    given = {**TRUE, **{name.replace("_", "."): value for name, value in free.items()}}
+    start = {"mass.s": 0.02, "mass.v": -0.1}
+    return smooth(Problem(model=MODEL, recordings=[r], parameters=given, weights=Weights(W={"mass": 1e-4}), initial=start))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05])
+def test_likelihood_and_criteria_are_those_of_hubers_density(share):
+    r = recorded(1, share=share, size=20.0)
+    y = truths.motion(PLANT, r.time, r.inputs["F"], np.array([0.02, -0.1]))[:, 0] + (
+        r.outputs["x"] - recorded(1, loss="square").outputs["x"]
+    )
+    r = replace(r, outputs={"x": y + STD * np.random.default_rng(7).normal(size=len(y))})
+    c = known_but(r).criteria
+    expected = np.sum(hubers_density(motion_errors(r)) - np.log(STD))
+    assert c.log_likelihood == pytest.approx(expected, abs=0.05)
+    assert c.aic == pytest.approx(-2 * expected + 2 * c.effective_parameters, abs=0.2)
+    squares = known_but(replace(r, output_loss={"x": "square"})).criteria
+    # clean samples are likelier under a Gaussian, contaminated ones under Huber's density
+    assert (squares.log_likelihood > c.log_likelihood) == (share == 0.0)
+
+
+def test_the_evidence_with_hubers_density_is_the_integral_over_the_parameter():
+    r = recorded(2, share=0.05, size=20.0)
+    c = known_but(r, offset_f=Free(0.5, std=2.0)).criteria
+    grid = OFFSET + np.linspace(-0.5, 0.5, 2001)
+    prior = stats.norm(0.5, 2.0)
+    logs = np.array([np.sum(hubers_density(motion_errors(r, f)) - np.log(STD)) + prior.logpdf(f) for f in grid])
+    integral = logs.max() + np.log(np.trapezoid(np.exp(logs - logs.max()), grid))
+    # its curvature in force differs from that at the top by the factor of Huber's deviations, half its logarithm
+    assert c.log_evidence == pytest.approx(integral, abs=0.25)
+
+
+def test_outliers_raise_no_alarm_about_the_noise_and_one_that_is_too_small_still_does():
+    z, promised = [], []
+    for seed in range(6):
+        s = fitted(recorded(seed, n=400, share=0.05, size=20.0))
+        fit = s.fit["run"]["x"]
+        z.append(fit.normality_p)
+        promised.append(fit.prediction_rms)
+        assert not any("supposed" in note or "not normal" in note for note in s.notes), s.notes
+        assert any("The tests of the prediction errors leave them out." in note for note in s.notes)
+    assert np.mean(promised) == pytest.approx(1.0, abs=0.06)
+    assert min(z) > 1e-3
+    r = recorded(3, n=400, share=0.05, size=20.0)
+    small = fitted(replace(r, output_std={"x": STD / 2}))
+    assert small.fit["run"]["x"].prediction_rms > 1.5
 
 
 def test_the_tails_of_gaussian_residuals_are_not_called_heavy_and_those_of_outliers_are():

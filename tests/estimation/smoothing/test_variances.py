@@ -149,7 +149,7 @@ def test_a_weight_open_for_two_recordings_does_not_touch_the_deviation_that_one_
         parameters={"mass.m": Free(3.0)},
         weights=Weights(W={"mass": 0.1}),
     )
-    assert smooth(problem).weights.V["x"] == pytest.approx(3 * STD, rel=1e-12)
+    assert smooth(problem).weights.V["x [a]"] == pytest.approx(3 * STD, rel=1e-12)
 
 
 def test_what_one_recording_leaves_open_is_found_beside_another_that_gives_it():
@@ -165,7 +165,8 @@ def test_what_one_recording_leaves_open_is_found_beside_another_that_gives_it():
     assert note.startswith("V of x: std 0.003 m as given (a); std ")
     found = float(note.split("; std ")[1].split()[0])
     assert found == pytest.approx(2 * STD, rel=0.15)
-    assert s.weights.V["x"] == pytest.approx(3 * STD, rel=1e-12)
+    assert s.weights.V["x [a]"] == pytest.approx(3 * STD, rel=1e-12)
+    assert s.weights.V["x [b]"] == pytest.approx(found, rel=0.01)
 
 
 @pytest.mark.parametrize(("own", "said"), [(STD, False), (STD / 2.5, False), (STD / 5, True), (5 * STD, True), (None, False)])

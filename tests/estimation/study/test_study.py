@@ -7,13 +7,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from examples import oscillator
 
 from backsight.estimation.problem import Free, Known, Weights
-from backsight.estimation.recordings.excitation import check_excitation
+from backsight.estimation.recordings.excitation import check_excitation, told_at_rest
 from backsight.estimation.recordings.recording import Recording
 from backsight.estimation.study.errors import line_of
 from backsight.estimation.study.study import Study
+from backsight.models import compile_model
 from backsight.models.errors import InputError
+from backsight.models.plants import actuator
 
 T = np.arange(400) * 0.005
 RECORD = pd.DataFrame({"t_s": T, "F_N": 60 * np.sin(4 * T), "x_m": 0.1 * np.cos(4 * T)})
@@ -312,6 +315,27 @@ def test_constant_inputs_over_a_plant_at_rest_teach_nothing():
     for y in (np.full(400, 0.01), 0.01 + noise, noise):
         with pytest.raises(InputError, match=r"every input is constant \(F = 5 throughout r\.csv\)"):
             check_excitation([recording(np.full(400, 5.0), y)], label="study.toml")
+
+
+@pytest.mark.parametrize(
+    ("free", "told"),
+    [("offset.f", True), ("spring.k", True), ("mass.m", False), ("damper.d", False)],
+)
+def test_a_plant_at_rest_tells_what_it_leans_on_and_nothing_of_what_moves(free, told):
+    """k s = -offset: a spring and a constant force are felt at rest, a mass and a damper are not."""
+    at_rest = recording(np.zeros(400), -0.014 + 1e-4 * np.random.default_rng(0).standard_normal(400))
+    dae = compile_model(oscillator())
+    assert told_at_rest(dae, [free], {}, [at_rest]) == [free] * told
+    if told:
+        check_excitation([at_rest], label="study.toml", told=lambda: [free])
+
+
+def test_an_axis_that_sticks_tells_no_inertia_and_no_friction():
+    """Held by a constant force below its friction, an axis that could rest anywhere."""
+    still = recording(np.full(400, 5.0), np.zeros(400))
+    free = ["carriage.m", "friction.d", "friction.f_c"]
+    assert told_at_rest(compile_model(actuator()), free, {"friction.f_c": 20.0}, [still]) == []
+    assert told_at_rest(compile_model(actuator()), free, {"friction.f_c": 0.0}, [still]) == []
 
 
 def test_a_changing_input_or_a_plant_that_moves_under_a_constant_one_will_do():
