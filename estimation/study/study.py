@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import inf, nextafter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -226,6 +227,12 @@ class Study:
                     raise InputError(f"{self._at('recording', k, 'file')}: {entry.file} is used {how}; {remedy}")
             seen.append(entry)
 
+    def _until(self, entry: RecordingTable) -> float:
+        """Where its range ends; a row on which another range of the same file begins belongs to that one alone."""
+        _, end = entry.range or (-inf, inf)
+        others = [other for other in self.file.recording if other.range and _same_file(self.path.parent, entry.file, other.file)]
+        return nextafter(end, -inf) if any(other.range and other.range[0] == end for other in others) else end
+
     def _recording(self, entry: RecordingTable) -> Recording:
         files = [other.file for other in self.file.recording]
         span = f" [{number(entry.range[0])}, {number(entry.range[1])}]" if entry.range and files.count(entry.file) > 1 else ""
@@ -235,7 +242,7 @@ class Study:
             time=_input(entry.time),
             inputs={name: _input(column) for name, column in entry.inputs.items()},
             outputs={name: _output(column) for name, column in entry.outputs.items()},
-            range=(entry.range[0], entry.range[1]) if entry.range else None,
+            range=(entry.range[0], self._until(entry)) if entry.range else None,
             every=entry.every,
             hold=entry.hold,
             gap=entry.gap,

@@ -331,3 +331,11 @@ def test_the_line_of_a_key_is_found_where_it_stands():
     assert line_of(text, ["recording", 1, "file"]) == 7
     assert line_of(text, ["recording", 1, "outputs", "x", "std"]) == 8
     assert line_of(text, ["weights"]) is None
+
+
+def test_a_row_on_which_one_range_ends_and_another_begins_belongs_to_the_later(folder):
+    two = RECORDING.replace("role", "range = [0.0, 1.0]\nrole") + "\n" + RECORDING.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
+    fitted, held_out = study(folder, swap(RECORDING, two)).recordings
+    assert fitted.time[-1] == pytest.approx(0.995)
+    assert held_out.time[0] == 1.0
+    assert fitted.name.endswith("[0, 1]")
