@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .results import Smoothing
 
 PASSES = 8
+FARTHEST = 0.5  # of the shortest recording: a longer delay would cost more samples than it leaves
 BEYOND = 0.6  # of that interval: an estimate further from d_0 moves it; more than a half, so that none goes to and fro
 
 
@@ -46,7 +47,7 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
     asked, moves = problem, dict[str, float]()
     result = smooth(problem)
     for _ in range(PASSES):
-        steps = _steps(problem, result, moves) if result.solver.converged else {}
+        steps = _steps(problem, result, moves) if _arrived(result) else {}
         if not steps:
             break
         moves = {name: moves.get(name, 0.0) + steps.get(name, 0.0) for name in {**moves, **steps}}
@@ -60,13 +61,19 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
     return problem, replace(result, notes=(*result.notes, *notes)) if notes else result
 
 
+def _arrived(result: Smoothing) -> bool:
+    """Whether the solver did: that it is no minimum may be for a delay that is expanded too far from where it is."""
+    return result.solver.converged or (result.solution is not None and result.solution.solved.status.converged)
+
+
 def _steps(problem: Problem, result: Smoothing, moves: Mapping[str, float]) -> dict[str, float]:
     """Delayed output, or INPUTS -> seconds in whole sampling intervals by which its samples should be moved further."""
     interval, found = min(usual_interval(r) for r in problem.fitted), {}
+    farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.recordings)
     for name in (INPUTS, *(q.name for q in problem.dae.outputs)):
         p = result.parameters.get(delay_name(name))
         rest = p.value - moves.get(name, 0.0) if p is not None and not p.fixed else 0.0
-        if abs(rest) > BEYOND * interval:
+        if abs(rest) > BEYOND * interval and p is not None and abs(p.value) < farthest:
             found[name] = float(np.round(rest / interval) * interval)
     return found
 
