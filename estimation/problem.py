@@ -132,7 +132,7 @@ class Problem:
         open_delays = asked_for(self.recordings)
         if open_delays:
             model, recordings = with_delays(self.dae, self.recordings)
-            parameters = {**{delay_name(name): Free(0.0) for name in open_delays}, **self.parameters}
+            parameters = {**{delay_name(name): Free(0.0, min=0.0) for name in open_delays}, **self.parameters}
             self.__dict__.update(model=model, recordings=recordings, parameters=parameters, dae=model)
         dae = self.dae
         _check("parameters", self.parameters, [p.name for p in dae.parameters], "parameter", dae)

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from backsight.models import Dae, simulate
+from backsight.models import Dae
 
+from .recordings.drive import run
 from .recordings.recording import Recording
 from .results import OutputFit
 from .study.study import Study
@@ -86,8 +87,8 @@ def simulate_study(
 
 def simulate_recording(dae: Dae, recording: Recording, parameters: Mapping[str, float], initial: Mapping[str, float]) -> pd.DataFrame:
     """t_s, every output and every state of the model at the times of the recording, under its inputs."""
-    run = simulate(dae, recording.time, recording.inputs, parameters=parameters, initial=initial, hold=recording.hold)
-    return pd.DataFrame({"t_s": run.t} | dict(run.outputs) | dict(run.states))
+    found = run(dae, recording, parameters, initial)
+    return pd.DataFrame({"t_s": found.t} | dict(found.outputs) | dict(found.states))
 
 
 def _simulate_nth(study: Path, k: int, values: Mapping[str, float]) -> pd.DataFrame:

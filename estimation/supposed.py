@@ -108,7 +108,7 @@ def posed(problem: Problem, simple: Problem) -> Problem:
         initial |= {state: Known(0.0, std, always=True) for state, std in stationary_std(place, W[place], tau, kind).items()}
     for name, std in inputs.items():
         dae = measured_input(dae, name)
-        W[f"{INPUT}{name}"] = std * float(np.sqrt(problem.fitted[0].sampling))
+        W[f"{INPUT}{name}"] = std * float(np.sqrt(problem.fitted[0].input_sampling))
     info = {p.name: p for p in dae.parameters}
     for name, free in problem.varying.items():
         dae = drifting(dae, name)
@@ -133,7 +133,7 @@ def input_spread(problem: Problem, transcription: Transcription) -> Array:
     rows = [i for i, k in enumerate(transcription.soft) if transcription.dae.places[k].name.startswith(INPUT)]
     for number, recording in enumerate(problem.fitted):
         part = slice(transcription.offsets[number], transcription.offsets[number + 1])
-        out[rows, part] = np.sqrt(recording.sampling / problem.fitted[0].sampling)
+        out[rows, part] = np.sqrt(recording.input_sampling / problem.fitted[0].input_sampling)
     return out
 
 

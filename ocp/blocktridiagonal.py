@@ -43,18 +43,21 @@ class BlockTridiagonal:
     @cached_property
     def _eigenvalues(self) -> Array:
         values = np.concatenate([np.linalg.eigvalsh(blocks).ravel() for blocks in self.pivots])
-        if not np.all(np.isfinite(values)) or np.any(values == 0):
+        if not np.all(np.isfinite(values)):
             raise np.linalg.LinAlgError("a block of the matrix is singular")
         return values
 
     @property
     def log_abs_determinant(self) -> float:
-        """log |det H|; a block that is singular but for rounding may raise numpy.linalg.LinAlgError."""
-        return float(np.sum(np.log(np.abs(self._eigenvalues))))
+        """log |det H|; -inf where a block is singular but for rounding, which costs the solutions with H only their digits there."""
+        with np.errstate(divide="ignore"):
+            return float(np.sum(np.log(np.abs(self._eigenvalues))))
 
     @property
     def negative_eigenvalues(self) -> int:
-        """Number of negative eigenvalues of H, by Sylvester's law of inertia; raises as the determinant does."""
+        """Number of negative eigenvalues of H, by Sylvester's law of inertia; a singular block may raise numpy.linalg.LinAlgError."""
+        if np.any(self._eigenvalues == 0):
+            raise np.linalg.LinAlgError("a block of the matrix is singular")
         return int(np.sum(self._eigenvalues < 0))
 
     def solve(self, rhs: Array) -> Array:

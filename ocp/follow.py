@@ -101,7 +101,7 @@ def _thinned(horizon: Horizon) -> Horizon:
         keep[there[:: max(1, len(there) // (ENOUGH * horizon.mesh.count))]] = True
     rows = np.flatnonzero(keep)
     return replace(
-        horizon, time=horizon.time[rows], inputs=horizon.inputs[rows], target=horizon.target[rows], target_std=horizon.target_std[rows]
+        horizon, time=horizon.time[rows], drive_time=horizon.changes, target=horizon.target[rows], target_std=horizon.target_std[rows]
     )
 
 

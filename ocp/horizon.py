@@ -16,7 +16,8 @@ from .polynomials import Array, gauss, legendre
 class Horizon:
     """Samples of one stretch and the mesh over it.
 
-    time (n,) [s]; inputs (n, nu): row k acts from time k to k + 1 (hold "zero") or joins row k + 1 by a straight line ("linear").
+    time (n,) [s]: of the samples. inputs (m, nu) at drive_time (m,) [s], by itself the same: row k acts from time k to k + 1 (hold "zero")
+    or joins row k + 1 by a straight line ("linear").
     target (n, ny): what output k should be at time k, with its standard deviation `target_std` (n, ny); NaN where nothing was sampled.
     initial (nx,) and initial_std (nx,): what is known of the state at the start; std inf = nothing, 0 = exactly.
     clock: the model's time t when this horizon's time is zero [s].
@@ -31,20 +32,30 @@ class Horizon:
     initial_std: Array
     clock: float = 0.0
     hold: Literal["zero", "linear"] = "zero"
+    drive_time: Array | None = None
 
     def __post_init__(self) -> None:
-        n = len(self.time)
-        for name in ("inputs", "target", "target_std"):
+        for name, n in (("inputs", len(self.changes)), ("target", len(self.time)), ("target_std", len(self.time))):
             if getattr(self, name).shape[0] != n:
                 raise ValueError(f"Horizon({name}=...) needs one row per sample: got {getattr(self, name).shape[0]} for {n} times.")
         if self.mesh.knots[0] > self.time[0] or self.mesh.knots[-1] < self.time[-1]:
             raise ValueError("Horizon(mesh=...) must span the samples.")
 
+    @property
+    def changes(self) -> Array:
+        """Times at which the inputs change [s], (m,)."""
+        return self.time if self.drive_time is None else self.drive_time
+
+    @property
+    def breaks(self) -> Array:
+        """The samples and the changes of the inputs, in order [s]."""
+        return self.time if self.drive_time is None else np.union1d(self.time, self.drive_time)
+
     def input_at(self, times: Array) -> Array:
         """The held input at any times, shape (nu, M)."""
         if self.hold == "linear":
-            return np.array([np.interp(times, self.time, column) for column in self.inputs.T]).reshape(-1, len(times))
-        row = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, len(self.time) - 1)
+            return np.array([np.interp(times, self.changes, column) for column in self.inputs.T]).reshape(-1, len(times))
+        row = np.clip(np.searchsorted(self.changes, times, side="right") - 1, 0, len(self.changes) - 1)
         return self.inputs[row].T
 
     def projected_input(self, degree: int, tau: Array) -> Array:
@@ -53,19 +64,23 @@ class Horizon:
         A scheme that looks at the input in a few places only would miss what it does between them; its projection has the
         same moments, hence the same effect on the motion at the knots.
         """
-        points = quadrature(self.mesh, self.time, gauss(degree))
+        points = quadrature(self.mesh, self.breaks, gauss(degree))
         moments = self._input_moments(points, degree)
         return (moments @ legendre(degree, tau)).reshape(moments.shape[0], self.mesh.count * len(tau))
 
     def unresolved_input(self, degree: int) -> Array:
         """The held input less its projection on every interval, at the samples; (nu, n)."""
-        interval, tau = self.mesh.locate(self.time)
-        moments = self._input_moments(quadrature(self.mesh, self.time, gauss(degree)), degree)
-        return np.asarray(self.input_at(self.time) - np.einsum("ink,kn->in", moments[:, interval], legendre(degree, tau)))
+        return self._unresolved_at(self.time, degree)
+
+    def _unresolved_at(self, times: Array, degree: int) -> Array:
+        interval, tau = self.mesh.locate(times)
+        moments = self._input_moments(quadrature(self.mesh, self.breaks, gauss(degree)), degree)
+        return np.asarray(self.input_at(times) - np.einsum("ink,kn->in", moments[:, interval], legendre(degree, tau)))
 
     def unresolved_step(self, degree: int) -> Array:
-        """Largest of these values in every interval; (nu, N)."""
-        size, owner = np.abs(self.unresolved_input(degree)), self.mesh.locate(self.time)[0]
+        """Largest of these values in every interval, where the input changes too; (nu, N)."""
+        times = self.breaks[(self.breaks >= self.mesh.knots[0]) & (self.breaks <= self.mesh.knots[-1])]
+        size, owner = np.abs(self._unresolved_at(times, degree)), self.mesh.locate(times)[0]
         out = np.zeros((len(size), self.mesh.count))
         for row, values in zip(out, size, strict=True):
             np.maximum.at(row, owner, values)
@@ -92,7 +107,7 @@ class Horizon:
 
     def _unresolved(self, degree: int) -> tuple[Array, Array, NDArray[np.int64], Array]:
         """Integrals since the last knot at the end of every quadrature cell, the cells' intervals and their ends."""
-        points = quadrature(self.mesh, self.time, gauss(degree))
+        points = quadrature(self.mesh, self.breaks, gauss(degree))
         moments = self._input_moments(points, degree)
         projected = np.einsum("ink,kn->in", moments[:, points.interval], legendre(degree, points.tau))
         rest = (self.input_at(points.time) - projected) * points.weight
@@ -131,7 +146,7 @@ class Horizon:
         """A knot at the largest step of the input inside each of these intervals (N,), relative to each input's own range."""
         size = np.ptp(self.inputs, axis=0)
         jump = np.max(np.abs(np.diff(self.inputs, axis=0)) / np.where(size > 0, size, 1.0), axis=1, initial=0.0)
-        at, owner = self.time[1:], self.mesh.locate(self.time[1:])[0]
+        at, owner = self.changes[1:], self.mesh.locate(self.changes[1:])[0]
         first = at > self.mesh.knots[owner] + 1e-9 * self.mesh.steps[owner]
         inside = first & (at < self.mesh.knots[-1]) & intervals[owner] & (jump > 0)
         order = np.lexsort((-jump[inside], owner[inside]))

@@ -1,41 +1,116 @@
-"""A known delay of a sensor, taken out of its samples."""
+"""A delay of a sensor, taken out of its samples: what it said at t_k is what it saw at t_k - delay. No sample is interpolated.
+
+A sample that falls on a row moves there; where one falls between the rows, the samples of that sensor keep times of their own, which are
+rows then, and the inputs keep their clock (`drive.py`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
+
+from .drive import Drive, Hold, acting, drive_of
+from .gaps import LONGEST, gap_limit, usual_step
+
+if TYPE_CHECKING:
+    from .recording import Recording
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
+Series = tuple[Array, Array]  # times [s] and values
+
+SAME = 1e-6  # of a sampling interval: times that differ by less are one
 
 
-def advance(time: Array, values: Array, delay: float) -> Array:
-    """What a sensor that lags by `delay` would have shown without the lag.
+def earlier(time: Array, values: Array, delay: float, longest: float) -> Series:
+    """The samples of a sensor, (n,) with NaN where missing, moved back by a delay [s], on the rows (times `time`) where they fall on them.
 
-        y(t_k) = recorded(t_k + delay)
-
-    Where t_k + delay falls on a sample the value is that sample; between samples it is the cubic through the four
-    nearest (the line through the nearest two where there are no four in a row). Missing where a neighbour is missing,
-    beyond the ends, and inside gaps longer than three median sampling intervals.
+    Those moved beyond the first row or the last, or into a step of the rows longer than `longest` [s], are left out.
     """
-    wanted = time + delay
-    n = len(time)
-    left = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, n - 2)
-    step = time[left + 1] - time[left]
-    s = (wanted - time[left]) / step
-    s = np.where(np.abs(s - np.round(s)) < 1e-6, np.round(s), s)
+    there = np.isfinite(values)
+    at, slack = time[there] - delay, SAME * float(np.median(np.diff(time)))
+    row = np.clip(np.searchsorted(time, at - slack), 0, len(time) - 1)
+    at = np.where(np.abs(time[row] - at) <= slack, time[row], at)
+    left = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    inside = (at >= time[0]) & (at <= time[-1]) & (np.isin(at, time) | (time[left + 1] - time[left] <= longest))
+    return at[inside], values[there][inside]
 
-    line = np.where(s == 0.0, values[left], np.where(s == 1.0, values[left + 1], (1 - s) * values[left] + s * values[left + 1]))
-    four = np.clip(left[:, None] + np.arange(-1, 3), 0, n - 1)
-    whole = (left >= 1) & (left <= n - 3) & np.isfinite(values[four]).all(axis=1) & (np.diff(time[four], axis=1).max(axis=1) < 1.5 * step)
-    cubic = np.zeros(n)
-    for j in range(4):
-        weight = np.ones(n)
-        for i in range(4):
-            if i != j:
-                spread = time[four[:, j]] - time[four[:, i]]
-                weight *= (wanted - time[four[:, i]]) / np.where(spread == 0.0, 1.0, spread)
-        cubic += weight * np.where(whole, values[four[:, j]], 0.0)
 
-    between = (s != 0.0) & (s != 1.0)
-    result = np.where(whole & between, cubic, line)
-    beyond = (s < 0.0) | (s > 1.0) | (between & (step > 3 * np.median(np.diff(time))))
-    return np.where(beyond, np.nan, result)
+def on_rows(time: Array, series: Mapping[str, Series]) -> tuple[Array, dict[str, Array]]:
+    """Rows at `time` and at all times of the series, and every series on these rows, NaN where it has no sample.
+
+    `time` has no rows of its own where every series has samples between them.
+    """
+    between = {name: not np.isin(at, time).all() for name, (at, _) in series.items()}
+    own = [at for at, _ in series.values()]
+    rows = np.unique(np.concatenate(own)) if series and all(between.values()) else np.unique(np.concatenate([time, *own]))
+    columns = {}
+    for name, (at, values) in series.items():
+        columns[name] = np.full(len(rows), np.nan)
+        columns[name][np.searchsorted(rows, at)] = values
+    return rows, columns
+
+
+def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
+    """The recording with the samples of these outputs moved back by their delays [s]."""
+    late = {
+        name: earlier(recording.time, y, delays[name], gap_limit(recording)) for name, y in recording.outputs.items() if delays.get(name)
+    }
+    rest = {name: (recording.time, y) for name, y in recording.outputs.items() if name not in late}
+    rows, outputs = on_rows(recording.time, {**rest, **late})
+    outputs = {name: outputs[name] for name in recording.outputs}
+    if np.array_equal(rows, recording.time):
+        return replace(recording, outputs=outputs)
+    drive = recording.drive or drive_of(recording)
+    return replace(recording, time=rows, inputs=between_rows(drive, rows, recording.hold), outputs=outputs, drive=drive)
+
+
+def sampled(
+    time: Array,
+    kept: NDArray[np.int64],
+    inputs: Mapping[str, Array],
+    outputs: Mapping[str, Array],
+    delays: Mapping[str, float],
+    hold: Hold,
+    gap: float | None,
+) -> tuple[Array, dict[str, Array], dict[str, Array], Drive | None]:
+    """What is kept of the rows at `time` (n,): rows, inputs and outputs on them, and the inputs' own clock where they change in between.
+
+    kept: indices of rows, evenly spaced; of a sensor whose samples are taken between the rows as many are kept. delays: of outputs [s];
+    gap: as of a `Recording`.
+    """
+    rows, every = time[kept], int(kept[1] - kept[0])
+    longest = LONGEST * usual_step(time, outputs.values(), len(inputs) + len(outputs)) if gap is None else gap
+    series = {}
+    for name, y in outputs.items():
+        at, values = earlier(time, y, delays.get(name, 0.0), longest)
+        if np.isin(at, time).all():
+            column = np.full(len(time), np.nan)
+            column[np.searchsorted(time, at)] = values
+            series[name] = rows, column[kept]
+        else:
+            thinned = np.where((np.arange(len(time)) - kept[0]) % every == 0, y, np.nan)
+            at, values = earlier(time, thinned, delays[name], longest)
+            inside = (at >= rows[0]) & (at <= rows[-1])
+            series[name] = at[inside], values[inside]
+    found, columns = on_rows(rows, series)
+    there = np.all([np.isfinite(u) for u in inputs.values()], axis=0) if inputs else np.zeros(len(time), dtype=bool)
+    drive = Drive(time[there], {name: u[there] for name, u in inputs.items()})
+    if not np.array_equal(found, rows):
+        return found, between_rows(drive, found, hold), columns, drive
+    return rows, {name: u[kept] for name, u in inputs.items()}, columns, drive if every > 1 and inputs else None
+
+
+def between_rows(drive: Drive, rows: Array, hold: Hold) -> dict[str, Array]:
+    """Inputs for those who know the rows only: held ones by their mean from row to row, as which they push alike."""
+    found = acting(drive, rows, hold)
+    if hold == "linear":
+        return found
+    edges = np.union1d(rows, drive.time[(drive.time > rows[0]) & (drive.time < rows[-1])])
+    width, owner = np.diff(edges), np.searchsorted(rows, edges[:-1], side="right") - 1
+    for name, u in acting(drive, edges[:-1], hold).items():
+        found[name][:-1] = np.bincount(owner, weights=u * width, minlength=len(rows) - 1) / np.diff(rows)
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,28 +13,47 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
-LONGEST = 20.0  # times the median interval: a step that long is a gap when nobody says what is
+LONGEST = 20.0  # times the usual interval: a step that long is a gap when nobody says what is
 
 
-def gap_limit(time: Array, gap: float | None) -> float:
-    """Step of the time [s] from which on it is a gap: as given, else LONGEST median intervals."""
-    return float(LONGEST * np.median(np.diff(time)) if gap is None else gap)
+def usual_interval(recording: Recording) -> float:
+    """Time in which every signal is sampled once, as a rule [s]: that of the output sampled most rarely.
+
+    But no longer than as many rows take as there are signals, and no shorter than one row: where the rows of several clocks are
+    joined each has had its turn by then, and where one sensor is far slower than the rows it does not matter.
+    """
+    return usual_step(recording.time, recording.outputs.values(), len(recording.inputs) + len(recording.outputs))
 
 
-def runs(time: Array, gap: float | None) -> list[slice]:
+def usual_step(time: Array, outputs: Collection[Array], count: int) -> float:
+    """The same of outputs (n,), NaN where missing, on rows at time (n,); count: of the signals."""
+    row = float(np.median(np.diff(time)))
+    own = [time[np.isfinite(y)] for y in outputs]
+    slowest = max((float(np.median(np.diff(t))) for t in own if len(t) > 1), default=row)
+    all_in_turn = float(np.median(time[count:] - time[:-count])) if len(time) > count > 0 else row
+    return max(row, min(slowest, all_in_turn))
+
+
+def gap_limit(recording: Recording) -> float:
+    """Step of the time [s] from which on it is a gap: as given, else LONGEST usual intervals."""
+    return LONGEST * usual_interval(recording) if recording.gap is None else recording.gap
+
+
+def runs(recording: Recording) -> list[slice]:
     """The rows between the gaps, in order; without a gap one slice of all."""
-    edges = [0, *(np.flatnonzero(np.diff(time) > gap_limit(time, gap)) + 1).tolist(), len(time)]
+    time = recording.time
+    edges = [0, *(np.flatnonzero(np.diff(time) > gap_limit(recording)) + 1).tolist(), len(time)]
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def gap_note(recording: Recording) -> str | None:
     """What a gap means for this recording, in a sentence or two; None where there is none."""
-    between = runs(recording.time, recording.gap)
+    between = runs(recording)
     if len(between) == 1:
         return None
     steps = [(float(recording.time[b.start] - recording.time[b.start - 1]), float(recording.time[b.start - 1])) for b in between[1:]]
     longest, after = max(steps)
-    limit = gap_limit(recording.time, recording.gap)
+    limit = gap_limit(recording)
     rule = "as given" if recording.gap is not None else f"{LONGEST:g} sampling intervals"
     count = "a gap" if len(steps) == 1 else f"{len(steps)} gaps"
     found = f"{recording.name} has {count} of more than {limit:.3g} s ({rule}), the longest {longest:.3g} s after t = {after:.9g} s"

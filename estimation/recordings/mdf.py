@@ -66,7 +66,7 @@ def read_mdf(data: bytes, clock: str, wanted: Sequence[str], held: Mapping[str, 
         raise InputError(f"{label}: the channel {quoted(empty)} holds no valid sample; leave it out")
     time = sampled[clock][0] if own is not None else _joined([times for times, _ in sampled.values()])
     columns = {name: _at(time, times, values, held.get(name)) for name, (times, values) in sampled.items()}
-    keep = np.all([np.isfinite(columns[name]) for name in held], axis=0) if held else np.ones(len(time), dtype=bool)
+    keep = np.all([_acts(time, sampled[name][0], hold) for name, hold in held.items()], axis=0) if held else np.ones(len(time), dtype=bool)
     columns = {name: values[keep] for name, values in columns.items()}
     kept = time[keep]
     return Table(columns={clock: kept, **columns}, row=lambda k: f"t = {kept[k]:.9g} s")
@@ -100,18 +100,19 @@ def _joined(series: Sequence[Array]) -> Array:
     return np.asarray(times[np.insert(np.diff(times) > SAME * finest, 0, True)])
 
 
-def _at(time: Array, times: Array, values: Array, hold: Hold | None) -> Array:
-    """A channel at the rows: NaN where it was not sampled; an input as it acts between its samples, NaN before the first and past the last.
+def _acts(time: Array, times: Array, hold: Hold) -> Array:
+    """At which rows an input sampled at `times` acts: from its first sample to its last, and if it is held for one more interval."""
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    end = times[-1] + (step if hold == "zero" else 0.0)
+    return np.asarray((time >= times[0] - SAME * step) & (time <= end + SAME * step))
 
-    An input that is held acts for one more of its intervals after its last sample.
-    """
+
+def _at(time: Array, times: Array, values: Array, hold: Hold | None) -> Array:
+    """A channel at the rows: NaN where it was not sampled; an input as it acts between its samples, NaN where it does not."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     slack = SAME * step
     last = np.clip(np.searchsorted(times, time + slack, side="right") - 1, 0, len(times) - 1)
     before = np.abs(times[last] - time)
     if hold is None:
         return np.where(before <= slack, values[last], np.nan)
-    if hold == "linear":
-        inside = (time >= times[0] - slack) & (time <= times[-1] + slack)
-        return np.where(inside, np.interp(time, times, values), np.nan)
-    return np.where((time >= times[0] - slack) & (time <= times[-1] + step + slack), values[last], np.nan)
+    return np.where(_acts(time, times, hold), np.interp(time, times, values) if hold == "linear" else values[last], np.nan)

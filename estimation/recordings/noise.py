@@ -1,36 +1,81 @@
-"""How noisy is a signal? Answered from the samples alone, before any model.
+"""How noisy is a signal? Answered from its samples alone, before any model.
 
-The d-th difference of a smooth signal is tiny, that of white noise is not: its variance is binom(2d, d) times the noise's.
+The divided difference of order d of the samples y at times t, scaled to unit weights,
+
+    r_k = sum_j c_j y_(k+j) / |c|,        c_j = 1 / prod_(i != j) (t_(k+j) - t_(k+i)),        j = 0 .. d,
+
+is zero for a polynomial of degree d - 1, whatever the times, and has the noise's own variance for white noise.
 """
 
 from __future__ import annotations
 
-from math import comb
+from dataclasses import dataclass
 
 import numpy as np
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
+ORDERS = range(2, 7)
+FEWEST = 8  # differences from which a deviation can be told
+CONVERTER = 2.0**-20 / 12**0.5  # of the range: the rounding of 20 bits of it, about what the best converters tell from noise
+STILL = 0.3  # share of differences that are zero from which on their median tells nothing
+ALTERNATING = 0.75  # of the changes of sign that white noise has; half of them are left where half of the deviation is a smooth signal's
 
-def noise_std(y: Array, supposed: float | None = None) -> float:
-    """Standard deviation of the white noise in y (n,), NaN where missing; never below quantisation, step/sqrt(12).
 
-    The least over differences of order 2 to 6: too low an order sees the signal, and all see the noise.
-    Runs without missing samples are used; robust against jumps (median of absolute differences) unless most differences are zero.
-    supposed: what is said where no run is long enough to tell (by itself a thousandth of the signal's variation).
+@dataclass(frozen=True)
+class Noise:
+    """std: what to begin with. least: so much of it is noise beyond doubt, 0 where the samples cannot tell. In the signal's unit."""
+
+    std: float
+    least: float
+
+
+def noise(time: Array, y: Array, supposed: float | None = None) -> Noise:
+    """The white noise in y (n,), NaN where missing, sampled at time (n,) [s].
+
+    std is the least over differences of order 2 to 6: too low an order sees the signal, and all see the noise. It is never below
+    quantisation, step/sqrt(12). Where they do not look white it is not below the rounding of a fine converter either: a sensor that
+    filters has differences far below its noise.
+    Robust against jumps (median of absolute differences) unless many differences are zero.
+    supposed: std where there are too few samples to tell (by itself a thousandth of the signal's variation).
+
+    least is what differences that alternate as those of white noise do (sign changes of a Gaussian sequence with lag-one correlation
+    -d/(d + 1): a share arccos(-d/(d + 1))/pi) have shown, or the quantisation.
     """
-    estimates = []
-    for order in range(2, 7):
-        d = np.diff(y, order)
-        d = d[np.isfinite(d)]
-        if d.size < 8:
-            break
-        rms, robust = float(np.sqrt(np.mean(d**2))), float(np.median(np.abs(d))) / 0.6745
-        estimates.append((robust if np.mean(d == 0.0) < 0.3 else rms) / np.sqrt(comb(2 * order, order)))
-    finite = y[np.isfinite(y)]
-    floor = _step(finite) / np.sqrt(12.0)
+    there = np.isfinite(y)
+    t, finite = time[there], y[there]
+    found = [_of_order(order, t, finite) for order in ORDERS if len(finite) >= order + FEWEST]
     size = float(np.std(finite)) or float(np.max(np.abs(finite), initial=0.0)) or 1.0
-    return float(max(min(estimates, default=supposed or 1e-3 * size), floor, 1e-9 * size))
+    rounding = _step(finite) / np.sqrt(12.0)
+    seen, white = min(found, default=(supposed or 1e-3 * size, False))
+    resolution = CONVERTER * float(np.ptp(finite)) if len(finite) and not white else 0.0
+    return Noise(std=float(max(seen, rounding, resolution, 1e-9 * size)), least=float(max(seen if white else 0.0, rounding)))
+
+
+def noise_std(time: Array, y: Array, supposed: float | None = None) -> float:
+    """Standard deviation of the white noise in y, see `noise`."""
+    return noise(time, y, supposed).std
+
+
+def _of_order(order: int, t: Array, y: Array) -> tuple[float, bool]:
+    """The deviation that differences of this order show, and whether they alternate like those of white noise."""
+    d = _differences(order, t, y)
+    rms, robust = float(np.sqrt(np.mean(d**2))), float(np.median(np.abs(d))) / 0.6745
+    changes = float(np.mean(d[1:] * d[:-1] < 0.0))
+    white = np.arccos(-order / (order + 1.0)) / np.pi
+    return robust if np.mean(d == 0.0) < STILL else rms, changes > ALTERNATING * white
+
+
+def _differences(order: int, t: Array, y: Array) -> Array:
+    """Divided differences over neighbouring samples, scaled to unit weights; (n - order,)."""
+    count = len(y) - order
+    times = np.array([t[j : j + count] for j in range(order + 1)])
+    times = (times - times[0]) / (times[-1] - times[0])
+    apart = times[:, None] - times[None] + np.eye(order + 1)[:, :, None]
+    weights = 1.0 / np.prod(apart, axis=1)
+    values = np.array([y[j : j + count] for j in range(order + 1)])
+    values = values - values[order // 2]  # a large mean would cost digits
+    return np.asarray(np.sum(weights * values, axis=0) / np.sqrt(np.sum(weights**2, axis=0)))
 
 
 def _step(y: Array) -> float:

@@ -29,7 +29,7 @@ MOST = 0.25  # of the samples: more are no outliers but what the signal is like
 def outlying(time: Array, y: Array) -> Mask:
     """Which samples of y (n,), NaN where missing, at the times (n,) are gross outliers."""
     bad = np.zeros(len(y), dtype=bool)
-    noise = noise_std(y)
+    noise = noise_std(time, y)
     for _ in range(PASSES):
         there = np.flatnonzero(np.isfinite(y) & ~bad)
         distance = _distance(time[there], y[there])

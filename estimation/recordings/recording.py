@@ -19,7 +19,8 @@ from backsight.models.errors import InputError
 
 from ..wording import number
 from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, late_inputs
-from .delay import advance
+from .delay import sampled
+from .drive import Drive
 from .gaps import runs
 from .samples import check_clock, check_samples
 from .table import Table, read_table
@@ -44,7 +45,8 @@ class Recording:
     hold         "zero": an input keeps its value until the next row; "linear": it runs straight to the next row's
     open_hold    whether smoothing may find out which of the two it is; `hold` serves all else
     role         "fit": to estimate from; "held_out": to test on
-    gap          s: rows further apart are pieces, each fitted with a start of its own (None: 20 median intervals)
+    gap          s: rows further apart are pieces, each fitted with a start of its own (None: 20 usual intervals, see `gaps.py`)
+    drive        the inputs on a clock of their own, where they change between the rows (None: they change at the rows only)
     part         0 for the recording itself and its first piece, 1 for what follows the first gap, ...
 
     Raises InputError where time does not increase, a value is not finite, or lengths differ.
@@ -62,6 +64,7 @@ class Recording:
     open_hold: bool = False
     role: Literal["fit", "held_out"] = "fit"
     gap: float | None = None
+    drive: Drive | None = None
     part: int = 0
 
     def __post_init__(self) -> None:
@@ -111,9 +114,9 @@ class Recording:
         time, inputs, outputs   columns of the file; inputs and outputs by the name of the model's signal (MDF: names of channels)
         std      standard deviations of outputs that are given as bare column names, SI
         range    keep the rows from range[0] to range[1], seconds of the recorded time
-        every    of those rows keep rows 0, every, 2 every, ...
+        every    of those rows keep rows 0, every, 2 every, ...; between them the inputs act as recorded
         hold     see above; "auto": as smoothing finds by the evidence of both
-        gap      rows further apart [s] are pieces with starts of their own (default: 20 median intervals)
+        gap      rows further apart [s] are pieces with starts of their own (default: 20 usual intervals, see `gaps.py`)
         name     what to call it, in results and in messages (default: the file's name)
         units    SI unit of each of the model's signals, into which columns with a unit are converted (default: SI base units)
 
@@ -137,20 +140,22 @@ class Recording:
             if column.unit is not None:
                 where = f'{label}: column "{column.column}" of {signal}'
                 values = to_si(values, column.unit, (units or {}).get(signal), where=where)
-            if isinstance(column, OutputColumn) and column.delay != "estimate" and column.delay != 0.0:
-                check_delay(column.delay, signal, t, label)
-                values = advance(t, values, column.delay)
-            converted[signal] = values[rows]
+            converted[signal] = values
         driven, sensed = {k: converted[k] for k in drives}, {k: converted[k] for k in sensors}
+        known = {k: c.delay for k, c in sensors.items() if c.delay != "estimate" and c.delay != 0.0}
+        for signal, delay in known.items():
+            check_delay(delay, signal, t, label)
         columns = {k: f'column "{c.column}"' for k, c in (*drives.items(), *sensors.items())}
-        check_samples(label, t[rows], driven, sensed, columns=columns, row=lambda k: table.row(int(rows[k])))
+        ours = {k: u[rows] for k, u in driven.items()}, {k: y[rows] for k, y in sensed.items()}
+        check_samples(label, t[rows], *ours, columns=columns, row=lambda k: table.row(int(rows[k])))
+        rows_kept, pushed, read, drive = sampled(t, rows, driven, sensed, known, between, gap)
         noise = {k: c.std for k, c in sensors.items()}
         loss = {k: c.loss for k, c in sensors.items()}
         return cls(
             name=label,
-            time=t[rows],
-            inputs=driven,
-            outputs=sensed,
+            time=rows_kept,
+            inputs=pushed,
+            outputs=read,
             output_std=noise,
             output_loss=loss,
             open_delays=(*late_inputs(drives, label), *(k for k, c in sensors.items() if c.delay == "estimate")),
@@ -158,6 +163,7 @@ class Recording:
             open_hold=hold == "auto",
             role=role,
             gap=gap,
+            drive=drive,
         )
 
     @property
@@ -166,9 +172,14 @@ class Recording:
         return float(np.median(np.diff(self.time)))
 
     @property
+    def input_sampling(self) -> float:
+        """Median time for which a recorded value of the inputs acts, s."""
+        return float(np.median(np.diff(self.time if self.drive is None else self.drive.time)))
+
+    @property
     def pieces(self) -> tuple[Recording, ...]:
         """The recording between its gaps, without what nothing can be learned from: a row alone, or rows without a sample of an output."""
-        found = runs(self.time, self.gap)
+        found = runs(self)
         if len(found) == 1:
             return (self,)
         return tuple(self._piece(rows, part) for part, rows in enumerate(found) if rows.stop - rows.start > 1 and self._sampled(rows))

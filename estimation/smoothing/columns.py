@@ -10,6 +10,7 @@ from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import legendre
 
 from ..problem import Problem
+from ..recordings.drive import drive_of
 from ..recordings.recording import Recording
 from ..supposed import left_out, noisy_inputs
 
@@ -80,14 +81,17 @@ def _acting(problem: Problem, solution: Solution, number: int, name: str) -> tup
     what the data tell is smooth beside a sample. The last value acts after the end: only what was recorded is known of it.
     """
     t, piece = solution.transcription, problem.fitted[number]
-    recorded, std = piece.inputs[name], noisy_inputs(problem)[name]
+    drive, std = drive_of(piece), noisy_inputs(problem)[name]
+    recorded = drive.inputs[name]
+    rows = np.clip(np.searchsorted(drive.time, piece.time, side="right") - 1, 0, len(drive.time) - 1)
     place = [p.name for p in t.dae.places].index(f"input:{name}")
     if place not in t.soft:
-        return recorded, np.full(len(recorded), std)
-    mesh, time = t.horizons[number].mesh, t.horizons[number].time
+        return recorded[rows], np.full(len(rows), std)
+    mesh, time = t.horizons[number].mesh, t.horizons[number].changes
     between = (time[1:] + time[:-1]) / 2
     ends = time if piece.hold == "zero" else np.concatenate([time[:1], between, time[-1:]])
-    edges = np.union1d(ends, mesh.knots)
+    ends = np.maximum(ends, mesh.knots[0])  # what acts before the first row is not felt
+    edges = np.union1d(ends, mesh.knots[(mesh.knots > ends[0]) & (mesh.knots < ends[-1])])
     middle = (edges[1:] + edges[:-1]) / 2
     owner, (interval, tau) = np.searchsorted(ends, middle) - 1, mesh.locate(middle)
     share = np.diff(edges) / np.diff(ends)[owner]
@@ -100,4 +104,4 @@ def _acting(problem: Problem, solution: Solution, number: int, name: str) -> tup
         return np.asarray(np.bincount(owner, weights=parts, minlength=len(recorded)), dtype=np.float64)
 
     told = of_each(share * np.sqrt(np.maximum(supposed - variance, 0.0))) ** 2
-    return recorded + of_each(share * value), np.sqrt(np.maximum(std**2 - told, 0.0))
+    return (recorded + of_each(share * value))[rows], np.sqrt(np.maximum(std**2 - told, 0.0))[rows]

@@ -10,7 +10,9 @@ from backsight.models import Dae
 from backsight.ocp import Horizon, mesh_over
 
 from ..problem import Known, Problem
-from ..recordings.noise import noise_std
+from ..recordings.drive import drive_of
+from ..recordings.gaps import usual_interval
+from ..recordings.noise import noise
 from ..recordings.recording import Recording
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -28,10 +30,19 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
     for recording in problem.fitted:
         given = {name: problem.weights.noise(name, recording.name) or recording.output_std.get(name) for name in recording.outputs}
         chosen.append({name for name, std in given.items() if std is None})
-        tables.append(
-            {name: float(std or noise_std(whole[recording.name].outputs[name], supposed.get(name))) for name, std in given.items()}
-        )
+        own = whole[recording.name]
+        tables.append({name: float(std or noise(own.time, own.outputs[name], supposed.get(name)).std) for name, std in given.items()})
     return tables, chosen
+
+
+def shown_noise(problem: Problem) -> Array:
+    """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; (H, ny)."""
+    whole = {recording.name: recording for recording in problem.recordings}
+    out = np.zeros((len(problem.fitted), len(problem.dae.outputs)))
+    for row, piece in zip(out, problem.fitted, strict=True):
+        own = whole[piece.name]
+        row[:] = [noise(own.time, own.outputs[q.name]).least if q.name in piece.outputs else 0.0 for q in problem.dae.outputs]
+    return out
 
 
 def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, Known], step: float) -> Horizon:
@@ -44,22 +55,24 @@ def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initi
     known = {name: start for name, start in initial.items() if recording.part == 0 or start.always}
     # times from the recording's own start: a clock that counts from 1970 would cost digits
     time = recording.time - recording.time[0]
+    drive = drive_of(recording)
     return Horizon(
         mesh=mesh_over(time, step),
         time=time,
-        inputs=np.column_stack([recording.inputs[q.name] for q in dae.inputs]) if dae.inputs else np.empty((n, 0)),
+        inputs=np.column_stack([drive.inputs[q.name] for q in dae.inputs]) if dae.inputs else np.empty((len(drive.time), 0)),
         target=target,
         target_std=target_std,
         initial=np.array([known[q.name].value if q.name in known else 0.0 for q in dae.states]),
         initial_std=np.array([known[q.name].std if q.name in known else np.inf for q in dae.states]),
         clock=float(recording.time[0]),
         hold=recording.hold,
+        drive_time=drive.time - recording.time[0] if recording.drive is not None else None,
     )
 
 
 def sampling_interval(recording: Recording) -> float:
-    """Median time between rows [s]."""
-    return float(np.median(np.diff(recording.time)))
+    """Time between rows [s]; where the rows of several clocks are joined, time in which each has had its turn."""
+    return usual_interval(recording)
 
 
 def sample_density(dae: Dae, recording: Recording, std: Mapping[str, float]) -> Array:

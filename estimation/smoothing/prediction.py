@@ -21,11 +21,12 @@ import numpy as np
 import pandas as pd
 import scipy.linalg
 
-from backsight.models import Dae, ModelError, Quantity, SolveError, Trajectory, simulate
+from backsight.models import Dae, ModelError, Quantity, SolveError, Trajectory
 from backsight.models.augmentation.parameters import case_name
 from backsight.ocp.linear import linearise
 
 from ..problem import Free, Problem
+from ..recordings.drive import run as run_under_inputs
 from ..recordings.recording import Recording
 from ..results import Prediction, Smoothing
 from ..supposed import noisy_inputs
@@ -218,13 +219,13 @@ def _simulated(
     problem: Problem, result: Smoothing, recording: Recording, rows: slice, start: dict[str, float], own: Mapping[str, float]
 ) -> Trajectory:
     rounded = {p.name for p in problem.dae.parameters if p.smoothing and p.name not in problem.parameters}
-    return simulate(
+    outputs = {name: y[rows] for name, y in recording.outputs.items() if np.isfinite(y[rows]).any()}
+    inputs = {name: u[rows] for name, u in recording.inputs.items()}
+    return run_under_inputs(
         problem.dae,
-        recording.time[rows],
-        {name: u[rows] for name, u in recording.inputs.items()},
-        parameters={p.name: own.get(p.name, result.value(p.name)) for p in problem.dae.parameters if p.name not in rounded},
-        initial=start,
-        hold=recording.hold,
+        replace(recording, time=recording.time[rows], inputs=inputs, outputs=outputs, gap=None),
+        {p.name: own.get(p.name, result.value(p.name)) for p in problem.dae.parameters if p.name not in rounded},
+        start,
     )
 
 

@@ -20,7 +20,7 @@ from ..holds import with_better_hold
 from ..problem import Problem
 from ..results import Smoothing
 from .approach import approach
-from .horizons import output_stds
+from .horizons import output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
 from .mesh_error import Checked, refine
@@ -48,10 +48,17 @@ def smooth(problem: Problem, *, settings: Settings | None = None, progress: Call
     converge: `solver.converged` tells. settings: numerics (default: chosen). Raises InputError for a problem that cannot be posed.
     """
 
-    def once(posed: Problem) -> Smoothing:
-        return _smoothed(posed, settings or Settings(), progress or (lambda _: None))
+    settings, say = settings or Settings(), progress or (lambda _: None)
 
-    return with_better_hold(problem, lambda held: settled(held, once))
+    def once(posed: Problem) -> Smoothing:
+        return _smoothed(posed, settings, say)
+
+    posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
+    if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
+        return result
+    say("predicting what was held out")
+    held_out, notes = predict(posed, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
+    return replace(result, held_out=held_out, notes=(*result.notes, *notes))
 
 
 def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) -> Smoothing:
@@ -82,35 +89,29 @@ def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) 
         open_outputs=tuple(open_outputs),
         say=say,
         floor=floor,
+        noise=LEAST_NOISE * shown_noise(problem),
     )
     followed = lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}
-    least_noise = LEAST_NOISE * np.ones((len(stds), len(problem.dae.outputs)))
     if settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
-        rough = work.roughly(followed, stds, force_std, start, least_noise)
+        rough = work.roughly(followed, stds, force_std, start)
         if rough is not None:
             followed, start, stds = _followed(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
             force_std = dict(zip(rough.solution.transcription.soft, rough.force_std.tolist(), strict=True))
-            least_noise = least_noise / rough.output_factor
     meshed = work.meshed(followed, stds, force_std, start)
     if meshed.rigid and set(given) == set(force_std):
         force_std = {}
     program = work.program(meshed.horizons, followed, force_std, start)
     build = time.perf_counter() - began
 
-    choice, remeshed = work.chosen(program, meshed.least_std, least_noise), False
+    choice, remeshed = work.chosen(program, meshed.least_std, stds), False
     if settings.step is None and _moved(choice, force_std):
         choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
     checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
-    result = outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
-    if all(r.role == "fit" for r in asked.recordings) or not result.solver.converged:
-        return result
-    say("predicting what was held out")
-    held_out, notes = predict(asked, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
-    return replace(result, held_out=held_out, notes=(*result.notes, *notes))
+    return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +119,8 @@ class _Work:
     """What stays the same over all meshes of a run.
 
     parameters (np_all,): guesses, fixed values and widths; given: place -> std of W; open_outputs: per recording, whose noise nobody gave.
-    floor: place -> std of a residual force so small that no machine's balance is as good.
+    floor: place -> std of a residual force so small that no machine's balance is as good; noise (H, ny): the same of the outputs, 0 where
+    nobody knows.
     """
 
     problem: Problem
@@ -129,6 +131,7 @@ class _Work:
     open_outputs: tuple[set[str], ...]
     say: Callable[[str], None]
     floor: Mapping[int, float]
+    noise: Array
 
     def meshed(self, followed: Followed, stds: Stds, force_std: dict[int, float], parameters: Array) -> Meshed:
         """Meshes for these weights."""
@@ -140,7 +143,7 @@ class _Work:
         """The program on these meshes, started on these trajectories and parameters."""
         return make_program(self.problem, self.settings, horizons, followed, self.laws, force_std, self.parameters, start)
 
-    def chosen(self, program: Program, least_std: Mapping[int, float], least_noise: Array, full: bool = True) -> Choice:
+    def chosen(self, program: Program, least_std: Mapping[int, float], stds: Stds, full: bool = True) -> Choice:
         """The program solved, with weights from the data where nobody gave them; full: to the full tolerance at last."""
         return choose_weights(
             lambda decisions, values, newton: program.solve(decisions, values, newton and full, self.say),
@@ -151,17 +154,21 @@ class _Work:
             [k for k in program.transcription.soft if k not in self.given],
             self.open_outputs,
             {k: max(std, self.floor.get(k, 0.0)) for k, std in least_std.items()},
-            least_noise,
+            self.least_noise(stds),
             self.say,
         )
 
-    def roughly(self, followed: Followed, stds: Stds, force_std: dict[int, float], start: Array, least_noise: Array) -> Choice | None:
+    def least_noise(self, stds: Stds) -> Array:
+        """The smallest factors on these standard deviations of the outputs, (H, ny)."""
+        return np.asarray(self.noise / np.array([[table.get(q.name, 1.0) for q in self.problem.dae.outputs] for table in stds]))
+
+    def roughly(self, followed: Followed, stds: Stds, force_std: dict[int, float], start: Array) -> Choice | None:
         """Weights from the data on the mesh of the followed trajectories, which is coarse, to where a fine mesh need not begin."""
         steps = np.concatenate([h.mesh.steps for h in followed.transcription.horizons])
         work = replace(self, settings=replace(self.settings, step=float(np.median(steps)), options=ROUGH))
         meshed = work.meshed(followed, stds, force_std, start)
         program = work.program(meshed.horizons, followed, force_std, start)
-        choice = work.chosen(program, meshed.least_std, least_noise, full=False)
+        choice = work.chosen(program, meshed.least_std, stds, full=False)
         usable = choice.solution.solved.status.converged or choice.solution.solved.status is Status.ITERATIONS
         return choice if usable and np.all(np.isfinite(choice.solution.solved.decisions)) else None
 
@@ -176,7 +183,7 @@ class _Work:
         if _intervals(anew.horizons) < FINER * _intervals(meshed.horizons):
             return choice, stds, False
         program = self.program(anew.horizons, _followed(solution), force_std, solution.parameters)
-        second = self.chosen(program, anew.least_std, LEAST_NOISE / choice.output_factor)
+        second = self.chosen(program, anew.least_std, now)
         return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
 
     def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
@@ -188,7 +195,7 @@ class _Work:
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         t = solution.transcription
         program = self.of_degree(t.degree).program(t.horizons, _followed(solution), force_std, solution.parameters)
-        second = self.chosen(program, least_std, LEAST_NOISE / choice.output_factor)
+        second = self.chosen(program, least_std, now)
         return (second, now) if second.solution.solved.status.converged else (kept, now)
 
     def in_force(self, stds: Stds, choice: Choice) -> Stds:

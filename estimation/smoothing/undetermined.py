@@ -11,6 +11,7 @@ from ..wording import listed
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
+NAMED = 6  # unknowns of a direction, and directions, that are told one by one, the largest first
 NOTHING = 1e-4  # of the largest entry of a direction, each in its own size: less is rounding
 
 
@@ -35,7 +36,12 @@ def open_combinations(problem: Problem, solution: Solution) -> list[str]:
             said.append(f"The recordings do not determine {names[0]}.")
             continue
         steps = [f"{names[j]} by {_quantity(direction[k] / direction[moving[0]], unknowns[k][1])}" for j, k in enumerate(moving)]
+        more = len(moving) - NAMED
+        if more > 1:
+            names, steps = ([*few[:NAMED], f"{more} more"] for few in (names, steps))
         said.append(f"The recordings do not tell {listed(names)} apart: moving {listed(steps)} changes nothing that was measured.")
+    if len(said) > NAMED + 1:
+        said = [*said[:NAMED], f"The recordings leave {len(said) - NAMED} more combinations open."]
     if problem.free:
         said[-1] += " Fix one, give it a std, or use a richer recording; all other deviations are right."
     return said

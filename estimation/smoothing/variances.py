@@ -27,7 +27,7 @@ Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 ROUNDS = 12
 CLOSE = 0.1  # relative change of every standard deviation at which the iteration ends
-LEAST_NOISE = 0.3  # of an output's noise as its differences show it: less is a fit that swallows the noise
+LEAST_NOISE = 0.3  # of an output's noise where its differences show it: less is a fit that swallows the noise
 UNTOLD = 0.1  # of a row: what a family always has of freedom and of squares, so that one that nothing tells about stays as it is
 UNDECIDED = 0.3  # of the deviation of a log-likelihood's slope: a residual force's std that is nearer to its best cannot be told from it
 BOLDEST = 4.0  # times the fixed point's own step, at most
@@ -78,7 +78,7 @@ def choose_weights(
     lowest = [least_std.get(k, 0.0) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
     families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300)), _moving(at_rest[i])) for i in open_forces]
     for i in np.flatnonzero(is_open.any(axis=0)).tolist():
-        least = float(np.log(least_noise[is_open[:, i], i].max()))
+        least = float(np.log(max(least_noise[is_open[:, i], i].max(), 1e-300)))
         families.append(Family("samples", i, least, _samples_of(transcription, is_open[:, i])))
     iterations, rounds, settled, cost = 0, 0, not families, np.inf
     for rounds in range(1, ROUNDS + 1) if families else ():

@@ -13,12 +13,15 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import inf, nextafter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
 from backsight.models import Dae, Model
+from backsight.models.augmentation.delay import INPUTS, delay_info
+from backsight.models.dae import ParameterInfo
 from backsight.models.errors import InputError, suggestion
 
 from ..recordings.columns import InputColumn, OutputColumn
@@ -101,9 +104,11 @@ class Study:
         return tuple(self._recording(entry) for entry in self.file.recording)
 
     def values(self) -> dict[str, float]:
-        """Every parameter the study names, the guess standing for one that is to be estimated."""
+        """Every parameter of the model that the study names, the guess standing for one that is to be estimated."""
         self._check_parameters()
-        return {name: entry.guess if isinstance(entry, FreeParameter) else float(entry) for name, entry in self.file.parameters.items()}
+        own = {p.name for p in self.dae.parameters}
+        given = {name: entry for name, entry in self.file.parameters.items() if name in own}
+        return {name: entry.guess if isinstance(entry, FreeParameter) else float(entry) for name, entry in given.items()}
 
     def initial(self) -> dict[str, float]:
         """The known initial values of states, however well they are known."""
@@ -140,7 +145,7 @@ class Study:
         if not any(recording.outputs for recording in fitted):
             outputs = quoted((q.name for q in self.dae.outputs), last="or")
             raise InputError(f"{self._at('recording', 0, 'outputs')}: no output to fit: give a column for {outputs} under outputs")
-        info = {p.name: p for p in self.dae.parameters}
+        info = self._parameters
         parameters: dict[str, Free | float] = {}
         for name, entry in self.file.parameters.items():
             if isinstance(entry, FreeParameter):
@@ -170,8 +175,17 @@ class Study:
         if name not in names:
             raise InputError(f'{self._at(*path)}: unknown {what} "{name}"; {suggestion(name, names)}')
 
+    @cached_property
+    def _parameters(self) -> dict[str, ParameterInfo]:
+        """The parameters that the study may name: those of the model, and the delays that its recordings ask for."""
+        tables = [e for r in self.file.recording for e in r.outputs.items()] + [
+            (INPUTS, e) for r in self.file.recording for e in r.inputs.values()
+        ]
+        late = {name for name, entry in tables if not isinstance(entry, str) and entry.delay == "estimate"}
+        return {p.name: p for p in (*self.dae.parameters, *map(delay_info, sorted(late)))}
+
     def _check_parameters(self) -> None:
-        info = {p.name: p for p in self.dae.parameters}
+        info = self._parameters
         for name, entry in self.file.parameters.items():
             self._known(name, info, "parameters", name, what="parameter")
             value = entry.guess if isinstance(entry, FreeParameter) else float(entry)
@@ -227,6 +241,12 @@ class Study:
                     raise InputError(f"{self._at('recording', k, 'file')}: {entry.file} is used {how}; {remedy}")
             seen.append(entry)
 
+    def _until(self, entry: RecordingTable) -> float:
+        """Where its range ends; a row on which another range of the same file begins belongs to that one alone."""
+        _, end = entry.range or (-inf, inf)
+        others = [other for other in self.file.recording if other.range and _same_file(self.path.parent, entry.file, other.file)]
+        return nextafter(end, -inf) if any(other.range and other.range[0] == end for other in others) else end
+
     def _recording(self, entry: RecordingTable) -> Recording:
         files = [other.file for other in self.file.recording]
         span = f" [{number(entry.range[0])}, {number(entry.range[1])}]" if entry.range and files.count(entry.file) > 1 else ""
@@ -236,7 +256,7 @@ class Study:
             time=_input(entry.time),
             inputs={name: _input(column) for name, column in entry.inputs.items()},
             outputs={name: _output(column) for name, column in entry.outputs.items()},
-            range=(entry.range[0], entry.range[1]) if entry.range else None,
+            range=(entry.range[0], self._until(entry)) if entry.range else None,
             every=entry.every,
             hold=entry.hold,
             gap=entry.gap,

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import factorial, isfinite
+from math import factorial, inf, isfinite
 from typing import Any
 
 import casadi as ca
@@ -32,6 +32,12 @@ def delay_name(of: str) -> str:
     return f"delay:{of}"
 
 
+def delay_info(of: str) -> ParameterInfo:
+    """The parameter that says how late an output is, or the INPUTS are."""
+    what = "time by which all inputs act late" if of == INPUTS else f"time by which {of} lags"
+    return ParameterInfo(name=delay_name(of), unit="s", value=0.0, minimum=-inf, maximum=inf, nominal=1e-3, description=what)
+
+
 def delayed(dae: Dae, output: str) -> Dae:
     """The model with an output that lags by the parameter `delay:<output>` [s], zero by itself; d_0 = 0.
 
@@ -41,7 +47,7 @@ def delayed(dae: Dae, output: str) -> Dae:
     names = [q.name for q in dae.outputs]
     if output not in names:
         raise InputError(f"delayed({output!r}): {dae.name} has no such output; {suggestion(output, names)}")
-    return _lagging(dae, [output], output, f"time by which {output} lags")
+    return _lagging(dae, [output], output)
 
 
 def late_inputs(dae: Dae) -> Dae:
@@ -49,7 +55,7 @@ def late_inputs(dae: Dae) -> Dae:
 
     That is the model whose outputs all lag: its states are those of a time that much later. Raises InputError as `delayed` does.
     """
-    return _lagging(dae, [q.name for q in dae.outputs], INPUTS, "time by which all inputs act late")
+    return _lagging(dae, [q.name for q in dae.outputs], INPUTS)
 
 
 def with_samples_moved(dae: Dae, of: str, by: float) -> Dae:
@@ -65,7 +71,7 @@ def with_samples_moved(dae: Dae, of: str, by: float) -> Dae:
     return replace(dae, output=ca.substitute(dae.output, dae.p[k], dae.p[k] - by))
 
 
-def _lagging(dae: Dae, outputs: Sequence[str], of: str, description: str) -> Dae:
+def _lagging(dae: Dae, outputs: Sequence[str], of: str) -> Dae:
     """The outputs with one delay in common."""
     known = [p.name for p in dae.parameters]
     for name in outputs:
@@ -73,11 +79,8 @@ def _lagging(dae: Dae, outputs: Sequence[str], of: str, description: str) -> Dae
             raise InputError(f"delay of {of}: the output {name} has a delay already; give it one only.")
     d = ca.SX.sym(delay_name(of))
     rows = [_about(dae, name, d) if name in outputs else dae.output[i] for i, name in enumerate(q.name for q in dae.outputs)]
-    info = ParameterInfo(
-        name=delay_name(of), unit="s", value=0.0, minimum=float("-inf"), maximum=float("inf"), nominal=1e-3, description=description
-    )
     nothing = ca.SX(0, 1)
-    return extended(replace(dae, output=ca.vertcat(*rows)), old=nothing, new=nothing, parameters=[(d, info)])
+    return extended(replace(dae, output=ca.vertcat(*rows)), old=nothing, new=nothing, parameters=[(d, delay_info(of))])
 
 
 def _about(dae: Dae, output: str, d: SX) -> SX:

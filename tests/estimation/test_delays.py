@@ -20,9 +20,15 @@ FREE = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "off
 
 
 def late(seed: int, delay: float, *, n: int = 400, ask: bool = True, name: str = "run") -> Recording:
+    return recorded(seed, delay, n=n, ask=ask, name=name)
+
+
+def recorded(
+    seed: int, delay: float, *, step: float = DT, jitter: float = 0.0, n: int = 400, ask: bool = True, name: str = "run"
+) -> Recording:
     """The position `delay` seconds ago at every sample, from the exact motion under forces held from sample to sample."""
     rng = np.random.default_rng(seed)
-    time = DT * np.arange(n)
+    time = step * (np.arange(n) + jitter * np.where(np.arange(n) > 0, rng.uniform(-1, 1, size=n) if jitter else 0.0, 0.0))
     u = 20 * np.sign(np.sin(np.arange(n) * 0.0483 + seed)) + 10 * np.repeat(rng.normal(size=n // 10), 10)
     seen = np.clip(time - delay, 0.0, None)
     every = np.union1d(time, seen)
@@ -44,7 +50,7 @@ def scores(s: Smoothing, delay: float) -> np.ndarray:
     return np.array([(s.parameters[n].value - v) / s.parameters[n].std for n, v in {**TRUE, "delay:x": delay}.items()])
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.004, 0.013, 0.1], ids=["none", "of less than a sample", "of more", "of ten samples"])
+@pytest.mark.parametrize("delay", [0.004, 0.013, 0.1], ids=["of less than a sample", "of more", "of ten samples"])
 def test_a_delay_is_found_with_the_parameters(delay):
     s = fitted(late(1, delay))
     assert np.all(np.abs(scores(s, delay)) < 3.5), scores(s, delay)
@@ -53,6 +59,36 @@ def test_a_delay_is_found_with_the_parameters(delay):
     assert p.std < 3e-4
     assert any("moved back by" in note for note in s.notes) == (delay > DT / 2)
     assert s.fit["run"]["x"].rms == pytest.approx(STD, rel=0.2)
+
+
+def test_no_sensor_tells_what_is_still_to_come():
+    early = late(1, 0.0)
+    ahead = replace(early, outputs={"x": np.append(early.outputs["x"][2:], [np.nan, np.nan])})
+    s = fitted(ahead)
+    assert s.parameters["delay:x"].value == pytest.approx(0.0, abs=1e-6)
+    assert s.parameters["delay:x"].std is None  # on its bound
+    asked = fitted(ahead, free={"delay:x": Free(0.0)})
+    assert abs(asked.parameters["delay:x"].value + 0.02) < 3.5 * asked.parameters["delay:x"].std
+    plain = fitted(early)
+    assert abs(plain.parameters["delay:x"].value) < 1e-3
+    assert abs(plain.parameters["mass.m"].value - M) < 3.5 * plain.parameters["mass.m"].std
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["quick first", "slow first"])
+def test_recordings_of_different_rates_share_a_delay_that_is_whole_intervals_of_neither(order):
+    quick, slow = late(1, 0.063), recorded(2, 0.063, step=0.04, name="slow")
+    s = fitted(*((quick, slow)[k] for k in order))
+    assert np.all(np.abs(scores(s, 0.063)) < 3.5), scores(s, 0.063)
+
+
+@pytest.mark.parametrize("kind", ["every other", "jittered"])
+def test_uneven_samples_are_moved_without_loss(kind):
+    r = recorded(1, 0.043, n=600, jitter=0.3 if kind == "jittered" else 0.0)
+    y = np.where(np.arange(600) % 2 == 0, r.outputs["x"], np.nan) if kind == "every other" else r.outputs["x"]
+    s = fitted(replace(r, outputs={"x": y}))
+    assert np.all(np.abs(scores(s, 0.043)) < 3.5), scores(s, 0.043)
+    assert s.criteria is not None
+    assert s.criteria.samples == np.isfinite(y).sum()
 
 
 def test_a_delay_that_nobody_asks_for_spoils_the_rest():

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 import truths
-from examples import LAG, OFFSET, D, K, M, compiled, lagged
+from examples import LAG, OFFSET, D, K, M, compiled, lagged, oscillator
 
-from backsight.estimation import Problem, Recording, Weights, smooth
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
 
 PLANT = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG)
@@ -52,3 +53,19 @@ def test_states_and_deviations_are_those_of_the_exact_smoother(case):
         assert np.max(np.abs(table[name] - means[:, i]) / std) < 0.03
         np.testing.assert_allclose(table[f"{name}.std"], std, rtol=0.03)
     assert np.max(np.abs(table["motor.f"] - means[:, 0])[time > 0.5]) < 1e-2
+
+
+def test_an_input_that_changes_between_the_kept_rows_acts_in_full(tmp_path):
+    rng, n, step = np.random.default_rng(0), 6000, 0.001
+    plant = truths.Plant(m=M, d=D, k=K, offset=OFFSET)
+    t, u = step * np.arange(n), np.repeat(5.0 * rng.choice([-1.0, 1.0], size=n // 7 + 1), 7)[:n]
+    x = truths.motion(plant, t, u, np.zeros(2))[:, 0] + 1e-5 * rng.normal(size=n)
+    pd.DataFrame({"t": t, "u": u, "x": x}).to_csv(tmp_path / "run.csv", index=False)
+    r = Recording.read(tmp_path / "run.csv", time="t", inputs={"F": "u"}, outputs={"x": "x"}, std={"x": 1e-5}, every=10)
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": Free(1.0), "offset.f": Free(0.5)}
+    s = smooth(Problem(model=compiled(oscillator()), recordings=[r], parameters=free, weights=Weights(W={"mass": 1e-3})))
+    assert s.solver.converged
+    assert len(s.estimates["run.csv"]) == n // 10
+    for name, true in (("mass.m", M), ("spring.k", K), ("damper.d", D), ("offset.f", OFFSET)):
+        p = s.parameters[name]
+        assert abs(p.value - true) < 3.5 * p.std < 0.02 * abs(true)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backsight.ocp.blocktridiagonal import factor
+from backsight.ocp.blocktridiagonal import BlockTridiagonal, factor
 
 
 def blocks(count: int, size: int, *, definite: bool, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -71,3 +71,13 @@ def test_the_factor_leaves_its_arguments_alone():
     assert np.array_equal(diagonal, before[0])
     assert np.array_equal(lower, before[1])
     assert np.all(rhs == 1.0)
+
+
+def test_a_block_that_rounding_makes_singular_costs_the_determinant_alone():
+    diagonal, lower, _ = blocks(1, 2, definite=True)
+    tree = factor(diagonal, lower)
+    rounded = BlockTridiagonal(tree.levels, tree.root, (np.zeros((1, 2, 2)),))
+    assert rounded.log_abs_determinant == -np.inf
+    np.testing.assert_array_equal(rounded.solve(np.ones((1, 2, 1))), tree.solve(np.ones((1, 2, 1))))
+    with pytest.raises(np.linalg.LinAlgError):
+        _ = rounded.negative_eigenvalues

@@ -187,3 +187,17 @@ def test_what_the_projection_leaves_of_the_input_at_the_samples_is_their_differe
                 projected += (2 * j + 1) * moment * eval_legendre(j, 2 * tau[here] - 1)
             np.testing.assert_allclose(found[i, here], held(h, i, h.time[here]) - projected, atol=1e-9)
             assert h.unresolved_step(degree)[i, k] == pytest.approx(np.max(np.abs(found[i, here]), initial=0.0))
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_fewer_samples_leave_what_the_input_does_between_them(hold):
+    whole = horizon(hold=hold)
+    rows = np.array([0, 4, 5, 13, 22, 29])
+    thin = replace(
+        whole, time=whole.time[rows], target=whole.target[rows], target_std=whole.target_std[rows], drive_time=whole.time
+    )  # fmt: skip
+    np.testing.assert_array_equal(thin.projected_input(2, gauss(2)[0]), whole.projected_input(2, gauss(2)[0]))
+    np.testing.assert_array_equal(thin.unresolved_step(2), whole.unresolved_step(2))
+    np.testing.assert_array_equal(thin.unresolved_impulse(2), whole.unresolved_impulse(2))
+    for few, all_ in zip(thin.unresolved_integrals(2), whole.unresolved_integrals(2), strict=True):
+        np.testing.assert_allclose(few, all_[:, rows], atol=1e-14)

@@ -103,6 +103,26 @@ def test_pieces_are_cut_where_the_step_is_longer_than_the_gap():
     assert all(len(p.pieces) == 1 for p in parts)
 
 
+def test_sensors_with_clocks_of_their_own_are_joined_and_not_cut_between_their_rows():
+    rng, clock = np.random.default_rng(0), 0.01 * np.arange(300)
+    time = np.sort(np.concatenate([clock, clock + 3e-4]))
+    odd = np.arange(600) % 2 == 1
+    noise = rng.normal(size=600)
+    r = Recording(name="a", time=time, inputs={"F": time}, outputs={"x": np.where(odd, np.nan, noise), "v": np.where(odd, noise, np.nan)})
+    assert r.pieces == (r,)
+    # of 0.3 s without a row, thirty intervals of either sensor, nobody knows the input
+    later = replace(r, time=np.where(np.arange(600) < 300, time, time + 0.3))
+    assert [len(p.time) for p in later.pieces] == [300, 300]
+
+
+def test_a_sensor_far_slower_than_the_rows_does_not_hide_a_gap():
+    time = 0.001 * np.arange(4000)
+    time[2000:] += 1.0
+    rare = np.where(np.arange(4000) % 1000 == 0, 1.0, np.nan)
+    r = Recording(name="a", time=time, inputs={"F": time}, outputs={"x": time, "rare": rare})
+    assert [len(p.time) for p in r.pieces] == [2000, 2000]
+
+
 def test_a_piece_without_a_sample_of_an_output_is_left_out():
     time = np.concatenate([np.arange(10) * 0.1, 5 + np.arange(10) * 0.1])
     y, v = time.copy(), time.copy()

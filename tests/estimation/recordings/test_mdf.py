@@ -97,3 +97,11 @@ def test_without_asammdf_the_extra_is_named(tmp_path, monkeypatch):
     (tmp_path / "run.mf4").write_bytes(b"MDF     ")
     with pytest.raises(InputError, match=r"pip install backsight\[mdf\]"):
         read(tmp_path / "run.mf4")
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_an_input_that_is_no_number_is_refused_as_in_a_text_file(tmp_path, hold):
+    force = np.where(np.arange(20) == 7, np.nan, FAST)
+    with pytest.raises(InputError, match=r"run\.mf4, t = .* s: .*input F is missing"):
+        read(written(tmp_path, (FAST, {"force": force, "q": FAST})), hold=hold)
+    read(written(tmp_path, (FAST, {"force": force, "q": FAST})), hold=hold, range=(FAST[8], FAST[-1]))

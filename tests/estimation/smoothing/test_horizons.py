@@ -51,7 +51,7 @@ def test_a_deviation_comes_from_v_else_from_the_recording_else_from_the_samples(
 def test_the_models_own_noise_stands_where_the_samples_are_too_few_to_tell():
     sensor = replace(DAE, outputs=tuple(replace(q, noise_std=0.07) for q in DAE.outputs))
     y = np.full(101, np.nan)
-    y[::10] = np.linspace(0.0, 1.0, 11)
+    y[::12] = np.linspace(0.0, 1.0, 9)
     assert output_stds(Problem(model=sensor, recordings=[recording(outputs={"v": y})]))[0][0]["v"] == 0.07
     assert output_stds(Problem(model=sensor, recordings=[recording()]))[0][0]["v"] == pytest.approx(1e-2, rel=0.25)
 

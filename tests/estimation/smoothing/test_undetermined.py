@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, D, K, M, compiled, lagged, oscillator
+from examples import OFFSET, D, K, M, _on_mass, compiled, lagged, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
+from backsight.models.mechanics.translational import Force, Spring
 
 PLANT, STD = truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3
 FREE = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
@@ -84,3 +85,18 @@ def test_a_position_that_no_output_shows_is_open_in_every_recording_and_the_para
 
 def test_where_all_is_determined_there_is_no_such_note():
     assert not any("determine" in n or "do not tell" in n for n in fitted(FREE).notes)
+
+
+def test_of_many_unknowns_that_move_together_a_few_are_named():
+    """A speed alone does not tell where the spring rests: that, and the start of every recording, move together."""
+    model = compiled(_on_mass("speed_only", Force(), Spring(k=K), {"v": "speed.v"}))
+    runs = [
+        Recording(name=f"r{k}", time=r.time, inputs=r.inputs, outputs={"v": np.gradient(r.outputs["x"], 0.01)}, output_std={"v": 0.1})
+        for k, r in enumerate(record(seed=k, n=60) for k in range(12))
+    ]
+    free = {"mass.m": Free(2.0), "spring.s_rel0": Free(0.0)}
+    s = smooth(Problem(model=model, recordings=runs, parameters=free, weights=Weights(W={"mass": 0.1})))
+    (note,) = [n for n in s.notes if "do not tell" in n]
+    assert "spring.s_rel0" in note
+    assert " and 7 more apart" in note  # thirteen in all
+    assert note.count("mass.s at the start of") <= 12

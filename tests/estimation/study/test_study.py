@@ -287,7 +287,7 @@ def test_gap_hold_loss_and_delay_of_a_recording_arrive_in_the_problem(folder):
     assert (recording.gap, recording.hold, recording.open_hold) == (0.5, "zero", True)
     assert (recording.output_loss, recording.open_delays) == ({"x": "huber"}, ("x",))
     problem = study(folder, text).problem()
-    assert problem.parameters["delay:x"] == Free(0.0)
+    assert problem.parameters["delay:x"] == Free(0.0, min=0.0)
     assert problem.dae.parameters[-1].name == "delay:x"
 
 
@@ -355,3 +355,22 @@ def test_the_line_of_a_key_is_found_where_it_stands():
     assert line_of(text, ["recording", 1, "file"]) == 7
     assert line_of(text, ["recording", 1, "outputs", "x", "std"]) == 8
     assert line_of(text, ["weights"]) is None
+
+
+def test_a_row_on_which_one_range_ends_and_another_begins_belongs_to_the_later(folder):
+    two = RECORDING.replace("role", "range = [0.0, 1.0]\nrole") + "\n" + RECORDING.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
+    fitted, held_out = study(folder, swap(RECORDING, two)).recordings
+    assert fitted.time[-1] == pytest.approx(0.995)
+    assert held_out.time[0] == 1.0
+    assert fitted.name.endswith("[0, 1]")
+
+
+def test_the_delay_that_a_recording_asks_for_may_be_bounded(folder):
+    text = swap("std = 1e-5", 'std = 1e-5, delay = "estimate"')
+    assert study(folder, text).problem().parameters["delay:x"].min == 0.0
+    own = text.replace("[parameters]", '[parameters]\n"delay:x" = { guess = 0.0, min = -0.01, max = 0.05 }')
+    asked = study(folder, own)
+    assert asked.problem().parameters["delay:x"].min == -0.01
+    assert "delay:x" not in asked.values()
+    with pytest.raises(InputError, match='unknown parameter "delay:x"'):
+        study(folder, own.replace(', delay = "estimate"', "")).problem()
