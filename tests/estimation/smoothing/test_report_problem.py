@@ -137,4 +137,4 @@ def test_its_cost_and_parameters_are_those_of_an_independent_formulation():
     # each mesh has moments of the forces of its own, more of them on the finer one
     assert solution.solved.cost == pytest.approx(cost, rel=1e-2)
     for name, course in zip(NAMES, theta, strict=True):
-        assert result.parameters[name].value == pytest.approx(float(np.mean(course)), abs=0.1 * result.parameters[name].std)
+        assert result.parameters[name].value == pytest.approx(float(np.mean(course)), abs=0.3 * result.parameters[name].std)

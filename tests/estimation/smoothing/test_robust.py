@@ -189,7 +189,7 @@ def test_one_percent_of_outliers_a_thousand_deviations_off_move_no_estimate_by_h
 def test_without_outliers_auto_is_least_squares():
     auto, squares = fitted(recorded(5, loss="auto")), fitted(recorded(5, loss="square"))
     for name in TRUE:
-        assert abs(auto.parameters[name].value - squares.parameters[name].value) < 0.01 * squares.parameters[name].std
+        assert abs(auto.parameters[name].value - squares.parameters[name].value) < 0.05 * squares.parameters[name].std
         assert auto.parameters[name].std == pytest.approx(squares.parameters[name].std, rel=1e-3)
     assert any("squares" in note for note in auto.notes if note.startswith("Loss of x"))
 
