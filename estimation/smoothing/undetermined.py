@@ -31,6 +31,8 @@ def open_combinations(problem: Problem, solution: Solution) -> list[str]:
     for direction in _few_at_a_time(solution.curvature.null / size) * size:
         scaled = np.abs(direction / size)
         moving = [int(k) for k in np.argsort(-scaled) if scaled[k] > NOTHING * scaled.max()]
+        if len(moving) > NAMED + 1:
+            moving.sort(key=lambda k: k < len(starts))  # of many, parameters are named before starts
         names = [unknowns[k][0] for k in moving]
         if len(moving) == 1:
             said.append(f"The recordings do not determine {names[0]}.")
