@@ -1,0 +1,1 @@
+"""Moving horizons: a window of stages, its arrival cost and its Gauss-Newton steps."""
