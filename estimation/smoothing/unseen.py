@@ -28,7 +28,7 @@ ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of th
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
 NEWTON_STEPS = 20
 LOOKED_AT = 20  # places of a recording where the model is linearised
-OPTIONS = Options(tolerance=1e-3)  # of a start: what comes after moves it again
+OPTIONS = Options(tolerance=1e-3, gauss_newton_iterations=20, max_passes=1)  # of a start: what comes after moves it again
 
 
 def unseen_states(problem: Problem) -> list[str]:
