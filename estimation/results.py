@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-DOUBT = 0.01  # chance of what is seen if the errors are white, below which they are not called so
+DOUBT = 0.01  # chance of what is seen if a hypothesis holds, below which it is doubted aloud
+TELLING = 1.2  # factor on a deviation from which on it is said
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -98,18 +98,18 @@ class Evaluated:
 
     def gradient(self, parts: Sequence[Linearised]) -> Array:
         """J'r, (n + np,)."""
-        out = np.zeros(self._nlp.size)
-        for part in parts:
-            g = np.einsum("cri,rc->ic", part.J, part.r)
-            out += np.bincount(self._where[:, self._nlp.terms[part.number].interval].ravel(), weights=g.ravel(), minlength=self._nlp.size)
-        return out
+        return self._summed(parts, [np.einsum("cri,rc->ic", part.J, part.r) for part in parts])
 
     def diagonal(self, parts: Sequence[Linearised]) -> Array:
         """Diagonal of J'J, (n + np,)."""
+        return self._summed(parts, [np.einsum("cri,cri->ic", part.J, part.J) for part in parts])
+
+    def _summed(self, parts: Sequence[Linearised], of_columns: Sequence[Array]) -> Array:
+        """Sums (n + np,) over the columns of terms, each (local + np, C)."""
         out = np.zeros(self._nlp.size)
-        for part in parts:
-            d = np.einsum("cri,cri->ic", part.J, part.J)
-            out += np.bincount(self._where[:, self._nlp.terms[part.number].interval].ravel(), weights=d.ravel(), minlength=self._nlp.size)
+        for part, values in zip(parts, of_columns, strict=True):
+            where = self._where[:, self._nlp.terms[part.number].interval]
+            out += np.bincount(where.ravel(), weights=values.ravel(), minlength=self._nlp.size)
         return out
 
     def squares(self, parts: Sequence[Linearised]) -> Array:

@@ -8,9 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..results import DOUBT
-
-TELLING = 1.2  # factor on deviations from which on it is said
+from ..results import DOUBT, TELLING
 
 if TYPE_CHECKING:
     from ..results import OutputFit, Smoothing

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results import DOUBT
+from ..results import DOUBT, TELLING
 from ..validation.patterns import companion, own_states
 from .columns import Columns
 from .decimation import spread
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
 NAMED = 6  # parameters named in the sentence; the table has them all
-TELLING = 1.2  # factor on deviations from which on it is said
 WORTH = 0.9  # effective samples over samples: a memory that costs less is not worth a word
 ROWS = 20_000  # enough for a correlation
 

@@ -12,7 +12,7 @@ from backsight.ocp.follow import Followed
 
 from ..problem import Problem
 from ..recordings.gaps import gap_note
-from ..results import OutputFit, ResidualSummary
+from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed
 from .along import forces
@@ -26,8 +26,6 @@ from .unseen import unseen_states
 if TYPE_CHECKING:
     from .outcome import Run
 
-DOUBT = 0.01  # chance from which on down a test is worth a sentence
-TELLING = 1.2  # factor on a deviation from which on it is said
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 FLOOR = 0.5  # sum r^2 over sum (1 - l), 1 where W settled; below, far beyond the iteration's own tolerance, W could go no lower
