@@ -33,7 +33,11 @@ app = typer.Typer(
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file (TOML).")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder of the results [default: named after the study; simulate: STUDY_simulated]."),
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="Folder of the results [default: named after the study, and after simulate or track].",
+    ),
 ]
 Estimates = Annotated[
     Path | None,
@@ -135,6 +139,22 @@ def smooth(
     from .commands import Options, run_smooth
 
     return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json), profile or ())
+
+
+@app.command()
+def track(
+    study: StudyArgument,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Estimate on-line, with a moving horizon: one estimate per sample, from the samples up to it."""
+    from .commands import Options, run_track
+
+    return run_track(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
 
 
 def _report(error: Exception) -> int:

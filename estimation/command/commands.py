@@ -15,8 +15,8 @@ from ..study.study import Study
 from ..workers import check_jobs
 from .interrupt import check
 from .output import json_text, results_folder, write_estimates, write_result
-from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing
-from .terminal import console, parameter_table, simulation_table
+from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking
+from .terminal import console, parameter_table, simulation_table, tracking_table
 
 if TYPE_CHECKING:
     from ..results import Smoothing
@@ -66,6 +66,30 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
         page = folder / "report.html"
         write_simulation_report(answer.estimates, study.recordings, page, model=answer.model, units=answer.units, parameters=listed)
     _say(options, result, lambda: simulation_table(answer), out)
+    return DONE
+
+
+def run_track(path: Path, options: Options) -> int:
+    """Track a study's recordings with a moving horizon."""
+    from ..report import write_tracking_report
+    from ..tracking import track
+    from ..tracking.estimator import SAMPLES
+
+    check_jobs(options.jobs)
+    study, out = Study.read(path), options.out or _named_after(path, "_tracked")
+    with results_folder(out) as folder, _progress(options) as say:
+        say("reading the study")
+        samples = study.horizon()
+        problem = study.problem()
+        answer = track(
+            problem, samples=samples or min(SAMPLES, *(len(r.time) for r in problem.recordings if r.role == "fit")), progress=say
+        )
+        say("writing the report")
+        result = result_of_tracking(answer)
+        write_result(result, folder / "result.json")
+        write_estimates(answer.estimates, folder / "estimates.csv")
+        write_tracking_report(answer, folder / "report.html", recordings=problem.recordings)
+    _say(options, result, lambda: tracking_table(answer), out)
     return DONE
 
 

@@ -13,6 +13,7 @@ from ..results import DOUBT, TELLING
 if TYPE_CHECKING:
     from ..results import OutputFit, Smoothing
     from ..simulation import Simulation
+    from ..tracking import Tracking
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -38,6 +39,21 @@ def parameter_table(answer: Smoothing) -> Table:
         table.add_row("deviations", f"up to about {times:.2g} times too small: prediction errors are not white")
     for p in answer.profiles.values():
         table.add_row(escape(f"95 % of {p.name}"), f"{_end(p.lower, '-inf')} .. {_end(p.upper, 'inf')} {p.unit}")
+    return table
+
+
+def tracking_table(answer: Tracking) -> Table:
+    """Parameters at the end, the fit of each output, and how long estimates took."""
+    table = Table(title=f"{answer.model}: {answer.solver.status}", title_justify="left", box=None, pad_edge=False)
+    table.add_column("parameter, at the end")
+    table.add_column("value", justify="right")
+    for name, estimate in answer.parameters.items():
+        if not estimate.fixed:
+            table.add_row(escape(name), str(estimate))
+    for recording, outputs in answer.fit.items():
+        for output, fit in outputs.items():
+            table.add_row(escape(f"fit of {output}, {recording}"), f"rms {fit.rms:.3g} {answer.units.get(output, '')}")
+    table.add_row("an estimate took", ", ".join(f"{name} {value:.3g} ms" for name, value in answer.latency_ms.items()))
     return table
 
 
