@@ -88,7 +88,7 @@ def resumed(problem: Problem, path: str | Path) -> Estimator:
     """The estimator whose state is in a file; problem: the one that it was made for. Raises InputError where the two do not match."""
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         facts = json.loads(str(arrays["facts"]))
         version = facts["version"]

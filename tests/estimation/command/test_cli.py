@@ -377,10 +377,10 @@ def test_version_and_help_say_what_there_is(capsys):
     for arguments in ([], ["--help"]):
         assert main(arguments) == 0
         out = capsys.readouterr().out
-        for verb in ("demo", "models", "simulate", "smooth"):
+        for verb in ("demo", "models", "simulate", "smooth", "track"):
             assert verb in out
     registered = {info.name or info.callback.__name__ for info in cli.app.registered_commands if info.callback}
-    assert registered == {"demo", "models", "simulate", "smooth"}
+    assert registered == {"demo", "models", "simulate", "smooth", "track"}
 
 
 @pytest.mark.slow
