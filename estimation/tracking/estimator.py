@@ -40,7 +40,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SAMPLES = 50  # of a window that nobody gave
 ITERATIONS = 10  # Gauss-Newton steps for a sample, at most
-TOLERANCE = 1e-3  # standard deviations: what the last one may still move
+TOLERANCE = 0.02  # standard deviations: what the last one may still move
+USABLE = 0.3  # standard deviations: where all steps are used up and the last one moved no more than this, the estimate serves
 WIDE = 2.0  # prior of a parameter of which only a guess is given, over that guess: few samples do not carry it away
 EXACT = 1e-9  # of a state's nominal size: what is known exactly
 SAME = 1e-6  # of the sampling interval: times that are one
@@ -234,7 +235,7 @@ class Estimator:
         if not sound:
             window.give_up(predicted)
             return replace(done, converged=False)
-        return done
+        return replace(done, converged=done.converged or done.size <= USABLE)
 
     # ---- what goes out
 

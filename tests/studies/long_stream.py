@@ -1,8 +1,8 @@
 """An hour of rows through `backsight track --stdin`: `python tests/studies/long_stream.py [--hours 1]`.
 
-A simulated axis at 100 Hz under a proportional controller with square and sine references; 2 % of the positions are missing, 0.1 % are wrong by
-millimetres, and time stamps jitter. The rows are made and sent as fast as they are taken. Printed: estimates by outcome, memory of the
-process along the way, latency, and how far the estimates are from the truth in their own deviations.
+A simulated axis at 100 Hz under a proportional controller with square and sine references; 2 % of the positions are missing, 0.1 % are
+wrong by millimetres, and time stamps jitter. The rows are made and sent as fast as they are taken. Printed: estimates by outcome, memory
+of the process along the way, latency, and how far the estimates are from the truth in their own deviations.
 """
 
 from __future__ import annotations
@@ -105,9 +105,8 @@ def main() -> None:
                     print(f"row {k:7d}: {memory(process.pid):.1f} MB, {time.perf_counter() - began:.0f} s", flush=True)
         result = (folder / "out" / "result.json").read_text()
     print(f"{sum(outcomes.values())} estimates of {count} rows: {dict(outcomes)}; exit status {process.returncode}")
-    print(
-        f"friction {last[0]:.3f} +- {last[1]:.3f} N (true {FRICTION}); rms of the velocity's error over its std {np.sqrt(np.nanmean(z[100:] ** 2)):.2f}"
-    )
+    error = np.sqrt(np.nanmean(z[100:] ** 2))
+    print(f"friction {last[0]:.3f} +- {last[1]:.3f} N (true {FRICTION}); rms of the velocity's error over its std {error:.2f}")
     print(result[result.index('"latency_ms"') : result.index('"solver"')])
 
 
