@@ -172,7 +172,8 @@ class Smoothing:
     that every recording has of its own is called "<parameter> [<recording>]" in each.
     estimates: recording name -> one row per sample: t_s, outputs with .measured and .std, states with .std, residual.<place> with
     .std (SI), what drifts and measured inputs as they acted, by their names, with .std; a std is inf where the recordings do not determine
-    the value. held_out: recording name -> prediction. solution: the solved program behind it, for what goes on from there.
+    the value. correlation: of the estimated constants that have a deviation, in the order of `parameters`, by name. held_out: recording
+    name -> prediction. solution: the solved program behind it, for what goes on from there.
     """
 
     model: str
@@ -185,6 +186,7 @@ class Smoothing:
     solver: SolverFacts
     residual_places: dict[str, ResidualSummary]
     notes: tuple[str, ...] = field(default=())
+    correlation: pd.DataFrame = field(default_factory=pd.DataFrame)
     held_out: dict[str, Prediction] = field(default_factory=dict)
     criteria: Criteria | None = None
     profiles: dict[str, Profile] = field(default_factory=dict)

@@ -30,6 +30,7 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
             name: {"value": p.value, "std": p.std, "unit": p.unit, "fixed": p.fixed, "identifiable": p.identifiable}
             for name, p in answer.parameters.items()
         },
+        "correlation": {"parameters": list(answer.correlation), "matrix": answer.correlation.to_numpy().tolist()},
         "weights": {
             "W": {
                 name: {"std": std}

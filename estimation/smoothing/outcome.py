@@ -66,9 +66,10 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     inputs: dict[str, dict[str, Array]] = {name: dict(recordings[name].inputs) for name in estimates}
     rates = undriven_rates(solution, problem.fitted)
     residuals = _residuals(problem, estimates, inputs, validation, rates)
+    parameters = _parameters(problem, solution, estimates)
     return Smoothing(
         model=dae.name,
-        parameters=_parameters(problem, solution, estimates),
+        parameters=parameters,
         estimates=estimates,
         inputs=inputs,
         units=_units(problem),
@@ -89,6 +90,7 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
         ),
         residual_places=residuals,
         notes=notes(problem, run, fit, residuals),
+        correlation=_correlation(problem.posed, solution, parameters),
         criteria=validation.criteria,
         solution=solution,
     )
@@ -133,6 +135,18 @@ def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd
                 on_bound=number[name] in held,
             )
     return out
+
+
+def _correlation(problem: Problem, solution: Solution, parameters: Mapping[str, ParameterEstimate]) -> pd.DataFrame:
+    """Correlations of the free parameters of the posed problem that have a deviation; what drifts is a state there, and no number."""
+    if solution.curvature is None:
+        return pd.DataFrame()
+    names = [problem.dae.parameters[i].name for i in problem.free]
+    told = [name for name, p in parameters.items() if p.std is not None and name in names]
+    rows = [names.index(name) for name in told]
+    covariance = solution.curvature.parameter_covariance[np.ix_(rows, rows)]
+    std = np.sqrt(np.diag(covariance))
+    return pd.DataFrame(covariance / np.outer(std, std), told, told)
 
 
 def _identified(value: float, std: float | None, info: ParameterInfo) -> bool:

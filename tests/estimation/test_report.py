@@ -140,6 +140,16 @@ def test_every_parameter_is_listed_with_value_uncertainty_and_unit(page: Page) -
         assert shown in text
 
 
+def test_correlations_are_shown_below_the_diagonal(tmp_path: Path) -> None:
+    result, recordings = made()
+    names = ["carriage.m", "friction.d", "offset.f"]
+    matrix = np.array([[1.0, -0.873, 0.004], [-0.873, 1.0, 0.125], [0.004, 0.125, 1.0]])
+    write_report(replace(result, correlation=pd.DataFrame(matrix, names, names)), tmp_path / "r.html", recordings=recordings)
+    page = Page(tmp_path / "r.html").text
+    shown = page[page.index("correlation") :]
+    assert re.search(r"^correlation\s*carriage.m\s*friction.d\s*friction.d\s*−0.87\s*offset.f\s*0.00\s*0.12", shown), shown[:200]
+
+
 def test_the_words_say_how_well_it_fits_and_that_nothing_is_odd(page: Page) -> None:
     assert "x is met to 1.01 µm rms (fit 99.9986 %)" in page.text
     force = f"{np.sqrt(np.mean(made()[0].inputs[NAME]['F'] ** 2)):.3g}"

@@ -135,6 +135,10 @@ def test_smooth_recovers_mass_and_damping_and_writes_every_promised_column(folde
         assert estimate["fixed"] is False
         assert abs(estimate["value"] - truth) < 4 * estimate["std"] < 0.1 * truth
     assert {"command", "model", "recordings", "parameters", "weights", "fit", "solver", "version", "seed"} <= set(result)
+    assert result["correlation"]["parameters"] == ["carriage.m", "friction.d"]
+    (one, r), (also_r, also_one) = result["correlation"]["matrix"]
+    assert (one, also_one, r) == pytest.approx((1.0, 1.0, also_r))
+    assert 0.0 < abs(r) < 0.9
     assert {"status", "iterations", "seconds", "build_seconds", "variables"} <= set(result["solver"])
     table = pd.read_csv("out/estimates.csv")
     promised = ["t_s", "x", "x.measured", "x.std", "carriage.s", "carriage.s.std", "carriage.v", "carriage.v.std"]

@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
+from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
 from backsight.ocp import Options
 
@@ -177,6 +178,25 @@ def test_a_sharp_prior_holds_a_parameter_and_a_vague_one_does_not():
     between = fit([run], {**FREE, "mass.m": Free(base.parameters["mass.m"].value + 2 * std, std=std)})
     assert between.parameters["mass.m"].value == pytest.approx(base.parameters["mass.m"].value + std, abs=0.1 * std)
     assert between.parameters["mass.m"].std == pytest.approx(std / np.sqrt(2), rel=0.05)
+
+
+def test_of_two_offsets_that_only_act_together_the_priors_tell_the_correlation():
+    """Two forces f + g of which the samples tell the sum to a variance c: the precision is diag(1/a^2, 1/b^2) + 1/c in all four places."""
+    model = oscillator().insert("mass", ConstantForce(f=0.0), name="second")
+    a, b, run = 0.03, 0.08, operate(5)
+
+    def smoothed(**offsets: Free | float) -> Smoothing:
+        given = {"mass.m": Free(3.0), "offset.f": offsets["f"], "second.f": offsets["g"]}
+        return smooth(Problem(model=model, recordings=[run.recording], parameters=given, weights=Weights(W={"mass": FORCE_STD})))
+
+    alone = smoothed(f=Free(0.0), g=0.0)
+    c = alone.parameters["offset.f"].std ** 2
+    covariance = np.linalg.inv(np.diag([a**-2, b**-2]) + 1 / c)
+    both = smoothed(f=Free(0.4, std=a), g=Free(0.3, std=b))
+    assert list(both.correlation) == list(both.correlation.index) == ["mass.m", "offset.f", "second.f"]
+    matrix = both.correlation.to_numpy()
+    assert np.diag(matrix) == pytest.approx(np.ones(3))
+    assert matrix[1, 2] == matrix[2, 1] == pytest.approx(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1]), abs=1e-4)
 
 
 def test_a_bound_that_excludes_the_truth_is_reached_and_not_passed():
