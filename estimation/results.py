@@ -97,8 +97,9 @@ class Companion:
 class ResidualSummary:
     """A place's residual force over all recordings: rms [unit] and the equation it belongs to.
 
-    whiteness_p: chance of its autocorrelation if the force is white. follows: what it goes with most, if plainly, with the law that would
-    look like that and the correlation with its standard deviation.
+    Near rest, in a share rest_share of the samples, it stands in for a friction law (`smoothing/rest.py`): rest_rms is of these, rms of
+    the others, or of all where there are no others. whiteness_p: chance of its autocorrelation if the force is white. follows: what it
+    goes with most, if plainly, with the law that would look like that and the correlation with its standard deviation.
     """
 
     place: str
@@ -107,6 +108,8 @@ class ResidualSummary:
     origin: str
     whiteness_p: float | None = None
     follows: Companion | None = None
+    rest_share: float = 0.0
+    rest_rms: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

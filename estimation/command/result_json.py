@@ -117,7 +117,8 @@ def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
 
 def _residual(r: ResidualSummary) -> dict[str, Any]:
     follows = None if r.follows is None else asdict(r.follows)
-    return {"rms": r.rms, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
+    rest = {"share": r.rest_share, "rms": r.rest_rms}
+    return {"rms": r.rms, "near_rest": rest, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
 
 
 def _profile(p: Profile) -> dict[str, Any]:

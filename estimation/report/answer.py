@@ -16,7 +16,7 @@ from .quantities import count, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
     from ..recordings.recording import Recording
-    from ..results import OutputFit, ParameterEstimate, Smoothing
+    from ..results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing
 
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
@@ -62,7 +62,7 @@ def answer(result: Smoothing, recordings: Sequence[Recording]) -> str:
     rests = []
     for place, summary in result.residual_places.items():
         rms = escape(quantity(summary.rms, summary.unit))
-        rests.append(f"{rms} rms at {code(place)}{_share(summary.rms, summary.unit, result, used)}")
+        rests.append(f"{rms} rms at {code(place)}{_share(summary.rms, summary.unit, result, used)}{_near_rest(summary)}")
     if rests:
         said.append(f" Unexplained: {joined(rests[:NAMED])}{' and more' if len(rests) > NAMED else ''}.")
     return "".join(said)
@@ -99,6 +99,14 @@ def _share(rms: float, unit: str, result: Smoothing, recordings: Sequence[Record
     if not size > 0:
         return ""
     return f", {number(100 * rms / size, 2)} % of the input {code(alike[0])} ({escape(quantity(size, unit))} rms)"
+
+
+def _near_rest(summary: ResidualSummary) -> str:
+    """What stands in for a friction law near rest, which the rms leaves out."""
+    if not summary.rest_share > 0:
+        return ""
+    size = escape(quantity(summary.rest_rms, summary.unit))
+    return f" (and {size} rms in the {number(100 * summary.rest_share, 2)} % of the samples near rest, where it stands in for friction)"
 
 
 def noise_std(result: Smoothing, output: str, recording: Recording | None) -> float | None:

@@ -18,7 +18,7 @@ from ..wording import listed
 from .along import forces
 from .mesh_error import allowed
 from .outliers import outlier_notes
-from .rest import ROOM
+from .rest import ROOM, near_rest
 from .suppositions import bound_notes, colour, supposed_notes
 from .undetermined import open_combinations
 from .unseen import unseen_states
@@ -103,14 +103,13 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
     t = solution.transcription
     if not t.soft or solution.curvature is None or not run.choice.settled:
         return found
-    number, std = solution.term(t.force_term), t.force_std_at(solution.values)
+    number, moving = solution.term(t.force_term), ~near_rest(t.force_std_at(solution.values))
     rows, leverage, scale = solution.rows[number], solution.leverage(number), solution.values.scale[number]
     for i, k in enumerate(t.soft):
         place = t.dae.places[k]
         if place in problem.dae.places and place.name not in problem.weights.W:
             part = slice(i, None, len(t.soft))
-            moving = std[i] <= 2.0 * std[i].min()
-            there = (scale[part] > 0) & moving[t.nlp.terms[number].interval]
+            there = (scale[part] > 0) & moving[i, t.nlp.terms[number].interval]
             squares, freedom = np.sum(rows[part][there] ** 2), np.sum(1.0 - (leverage[part] * scale[part] ** 2)[there])
             if squares < FLOOR * freedom or freedom < TOLD:
                 found.add(place.name)
@@ -244,4 +243,4 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
 def _share_with_room(solution: Solution) -> float:
     t = solution.transcription
     std = t.force_std_at(solution.values)[[i for i, k in enumerate(t.soft) if not t.dae.places[k].name.startswith(INPUT)]]
-    return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0
+    return float(np.mean(np.any(near_rest(std), axis=0))) if std.size else 0.0

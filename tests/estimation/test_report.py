@@ -140,6 +140,14 @@ def test_every_parameter_is_listed_with_value_uncertainty_and_unit(page: Page) -
         assert shown in text
 
 
+def test_what_stands_in_for_friction_near_rest_is_said_apart(tmp_path: Path) -> None:
+    result, recordings = made()
+    place = replace(result.residual_places["carriage"], rest_share=0.0251, rest_rms=8.2)
+    write_report(replace(result, residual_places={"carriage": place}), tmp_path / "r.html", recordings=recordings)
+    text = Page(tmp_path / "r.html").text
+    assert re.search(r"Unexplained: 0\.3 N rms at carriage, .* rms\) \(and 8\.2 N rms in the 2\.5 % of the samples near rest, where", text)
+
+
 def test_correlations_are_shown_below_the_diagonal(tmp_path: Path) -> None:
     result, recordings = made()
     names = ["carriage.m", "friction.d", "offset.f"]
