@@ -58,7 +58,7 @@ def answer(result: Smoothing, recordings: Sequence[Recording]) -> str:
         said.append("with all parameters fixed estimates its states and the forces it does not explain.")
     if not result.solver.converged:
         said.insert(0, "<b>The solver did not converge: the numbers are those where it stopped.</b> ")
-    said.append(_met(result))
+    said += [_met(result), _predicted(result)]
     rests = []
     for place, summary in result.residual_places.items():
         rms = escape(quantity(summary.rms, summary.unit))
@@ -87,6 +87,19 @@ def _met(result: Smoothing) -> str:
         rms = escape(quantity(fit.rms, result.units.get(output, "")))
         met.append(f"{code(output)} is met to {rms} rms{where} (fit {percent(fit.fit_percent)})")
     return f" {joined(met)}."
+
+
+def _predicted(result: Smoothing) -> str:
+    """How closely held-out outputs are predicted, over windows where there are any: the first of them by name."""
+    said = []
+    for name, prediction in result.held_out.items():
+        for output, fit in prediction.fit.items():
+            unit, ahead = result.units.get(output, ""), prediction.window_rms.get(output)
+            over = "" if ahead is None else f", {escape(quantity(ahead, unit))} over {quantity(prediction.window_s, 's')}"
+            size = f"{escape(quantity(fit.rms, unit))} rms (fit {percent(fit.fit_percent)}){over}"
+            said.append(f"{code(output)} of {code(name)} is predicted to {size}")
+    more = f", {len(said) - NAMED} more below" if len(said) > NAMED else ""
+    return f" Held out: {'; '.join(said[:NAMED])}{more}." if said else ""
 
 
 def _share(rms: float, unit: str, result: Smoothing, recordings: Sequence[Recording]) -> str:

@@ -462,7 +462,10 @@ def test_what_is_held_out_is_predicted_in_result_json_and_in_the_report(folder, 
     assert fit["other.csv"]["x"]["window_rms"] == pytest.approx(1e-5, rel=0.5)
     assert set(pd.read_csv("out/estimates.csv").columns) >= {"x", "x.std"}
     assert len(pd.read_csv("out/estimates.csv")) == len(T)
-    page = Path("out/report.html").read_text()
+    page, ahead = Path("out/report.html").read_text(), fit["other.csv"]["x"]["window_rms"]
     assert "Held out: other.csv" in page
-    assert "predicted" in page
-    assert "prediction of x, other.csv" in capsys.readouterr().out
+    lead = page[page.index("<p class=answer>") :].partition("</p>")[0]
+    assert re.search(
+        rf"Held out: <code>x</code> of <code>other.csv</code> is predicted to .* rms \(fit 99.*{1e6 * ahead:.3g} µm over 0.1 s", lead
+    )
+    assert re.search(rf"prediction of x, other.csv +rms .*; {ahead:.3g} m over 0.1 s", capsys.readouterr().out)
