@@ -157,6 +157,13 @@ def test_smooth_prints_the_estimates_and_where_the_report_is(folder, capsys):
     assert (folder / "study" / "report.html").is_file()
 
 
+def test_a_horizon_that_smooth_does_not_use_is_said(folder, capsys):
+    Path("study.toml").write_text(STUDY + "\n[horizon]\nsamples = 50\n")
+    assert main(["smooth", "study.toml", "--out", "out"]) == 0
+    assert "- [horizon] is for a moving horizon" in capsys.readouterr().out
+    assert sum("[horizon]" in note for note in json.loads(Path("out/result.json").read_text())["notes"]) == 1
+
+
 def test_smooth_says_whether_the_errors_are_white_and_how_well_the_model_explains_them(folder, capsys):
     assert main(["smooth", "study.toml", "--out", "out"]) == 0
     assert re.search(r"fit of x, record.csv .*%\); (white|not white, \d+ effective of 400)", capsys.readouterr().out)
