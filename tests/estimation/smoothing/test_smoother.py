@@ -12,7 +12,7 @@ import truths
 from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, lagged, oscillator, shaken, stiffening
 from scipy.linalg import expm
 
-from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
@@ -161,6 +161,24 @@ def test_a_known_start_is_kept_and_sharpens_what_is_known_of_the_rest():
     assert (first["mass.s.std"], first["mass.v.std"]) == pytest.approx((0.0, 0.0), abs=1e-10)
     assert all(known.parameters[n].std <= free.parameters[n].std * 1.001 for n in TRUE)
     assert np.all(np.abs(scores(known)) < 3)
+
+
+@pytest.mark.parametrize("std", [1e-9, 1e-13, 1e-18])
+def test_what_is_known_all_but_exactly_is_as_good_as_known_exactly(std):
+    run, wrong = operate(5), np.array([0.07, 0.0])
+    exact = fit([run], {**FREE, "mass.m": 2.1}, initial={"mass.s": wrong[0], "mass.v": wrong[1]})
+    nearly = fit(
+        [run],
+        {**FREE, "mass.m": Free(2.1, std=std)},
+        initial={name: Known(v, std) for name, v in zip(("mass.s", "mass.v"), wrong, strict=True)},
+    )
+    assert nearly.solver.converged
+    assert nearly.solver.iterations < exact.solver.iterations + 5
+    assert nearly.estimates["run"].iloc[0][["mass.s.std", "mass.v.std"]].to_numpy() == pytest.approx([std, std])
+    for name in ("spring.k", "damper.d", "offset.f"):
+        one, two = exact.parameters[name], nearly.parameters[name]
+        assert abs(one.value - two.value) < 1e-3 * one.std
+        assert two.std == pytest.approx(one.std, rel=1e-6)
 
 
 def test_a_sharp_prior_holds_a_parameter_and_a_vague_one_does_not():
