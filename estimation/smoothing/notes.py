@@ -15,6 +15,7 @@ from ..recordings.gaps import gap_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed
+from .agreement import contradictions, nothing_there
 from .along import forces
 from .mesh_error import allowed
 from .outliers import outlier_notes
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
-FLOOR = 0.5  # sum r^2 over sum (1 - l), 1 where W settled; below, far beyond the iteration's own tolerance, W could go no lower
-TOLD = 8.0  # values that tell W: with fewer W^2 is within two of its own deviations of zero
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
@@ -47,6 +46,7 @@ def notes(
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution),
+        *contradictions(problem, run),
         *on_errors(fit),
         *on_residuals(residuals, nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),
@@ -90,29 +90,6 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
         elif r.whiteness_p is not None and r.whiteness_p < DOUBT and place not in silent:
             found.append(f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there.")
-    return found
-
-
-def nothing_there(problem: Problem, run: Run) -> set[str]:
-    """Places whose W from the data ended at its floor, and not where the data want it.
-
-    With f = sum (1 - l), what the data tell of the force, a fixed point of `variances.py` has sum r^2 = f, and its W^2 a deviation of
-    sqrt(2/f) of itself. The intervals near rest, which have more room, do not count.
-    """
-    solution, found = run.choice.solution, set[str]()
-    t = solution.transcription
-    if not t.soft or solution.curvature is None or not run.choice.settled:
-        return found
-    number, moving = solution.term(t.force_term), ~near_rest(t.force_std_at(solution.values))
-    rows, leverage, scale = solution.rows[number], solution.leverage(number), solution.values.scale[number]
-    for i, k in enumerate(t.soft):
-        place = t.dae.places[k]
-        if place in problem.dae.places and place.name not in problem.weights.W:
-            part = slice(i, None, len(t.soft))
-            there = (scale[part] > 0) & moving[i, t.nlp.terms[number].interval]
-            squares, freedom = np.sum(rows[part][there] ** 2), np.sum(1.0 - (leverage[part] * scale[part] ** 2)[there])
-            if squares < FLOOR * freedom or freedom < TOLD:
-                found.add(place.name)
     return found
 
 
