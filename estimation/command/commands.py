@@ -145,6 +145,8 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled
         answer: Smoothing = smooth(problem, progress=say)
         if profiled and answer.solver.converged:
             answer = replace(answer, profiles=profile(problem, answer, profiled, progress=say))
+        if study.file.horizon is not None:
+            answer = replace(answer, notes=(*answer.notes, "[horizon] is for a moving horizon: here whole recordings were smoothed."))
         say("writing the report")
         result = result_of_smoothing(answer, command=command)
         write_result(result, folder / "result.json")
