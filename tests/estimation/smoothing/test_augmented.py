@@ -215,7 +215,7 @@ def test_values_that_are_held_while_they_are_off_are_found_by_white_noise_of_the
     assert (table["F"].iloc[-1], table["F.std"].iloc[-1]) == (U[-1], SIGMA)  # it acts after the last sample
     for i, name in enumerate(("mass.s", "mass.v")):
         away = np.abs(table[name] - states[:, i]) / states_std[:, i]
-        assert np.max(away) < 0.15 if even else np.sqrt(np.mean(away**2)) < 0.25
+        assert np.max(away) < 0.15 if even else np.sqrt(np.mean(away**2)) < 0.4
 
 
 def test_a_state_keeps_its_bounds_at_the_knots_as_bounded_least_squares_do():
