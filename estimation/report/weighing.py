@@ -61,8 +61,8 @@ def trade_off_chart(found: Weighing) -> Chart | None:
         curves=curves, y="log10 residual force / recommended W", y_unit="", x="log10 misfit / recommended V", x_unit="", height=300
     )
     caption = (
-        "L-curve. To the right the residual forces are held down and the readings pay for it; to the left the forces follow the noise of the "
-        "readings. Both are means over places and outputs, each over what its recommended weight says."
+        "L-curve. To the right the residual forces are held down and the readings pay for it; to the left the forces follow the readings' "
+        "noise. Both are means over places and outputs, each over what its recommended weight says."
     )
     return columns([panel], caption=caption, label="trade_off")
 
