@@ -60,7 +60,7 @@ class Kkt:
             return self._solved((np.ravel(v) / size)[:, None])[:, 0] / size
 
         operator = LinearOperator(K.shape, matvec=inverse, rmatvec=inverse, dtype=np.float64)
-        return float(abs(K).sum(axis=0).max() * onenormest(operator))
+        return float(abs(K).sum(axis=0).max() * onenormest(operator, t=1))  # more columns would be drawn at random
 
     def _solved(self, right: Array) -> Array:
         found = np.empty(right.shape)

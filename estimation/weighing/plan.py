@@ -17,9 +17,12 @@ STAGES = tuple(10.0**k for k in (2, 1, -1, -2))  # on all that holds the paramet
 DIGITS = 6  # of a theta: what tells settings apart
 
 
-def settings(weights: Sequence[Weight], candidates: Mapping[str, Array], about: Array) -> list[Setting]:
-    """All settings; candidates: name -> theta (F,). Paths lead through the candidate `about`."""
-    found = [Setting(name=name, group="candidate", theta=_rounded(theta)) for name, theta in candidates.items()]
+def settings(weights: Sequence[Weight], candidates: Mapping[str, Array], about: Array) -> list[list[Setting]]:
+    """All settings, in chains of which each one's solution is where the next one starts; candidates: name -> theta (F,).
+
+    Paths lead away from the candidate `about`, to smaller and to larger ones.
+    """
+    found = [[Setting(name=name, group="candidate", theta=_rounded(theta))] for name, theta in candidates.items()]
     forces = np.array([w.kind == "W" for w in weights])
     holding = np.array([w.kind in ("drift", "prior") for w in weights])
     paths: tuple[tuple[Group, str, Array, tuple[float, ...]], ...] = (
@@ -27,17 +30,22 @@ def settings(weights: Sequence[Weight], candidates: Mapping[str, Array], about: 
         ("stage", "what holds the parameters", holding, STAGES),
     )
     for group, what, which, factors in paths:
-        for factor in factors if which.any() else ():
-            at = _rounded(np.where(which, about + np.log(factor), about))
-            found.append(Setting(name=f"{what} x {factor:.3g}", group=group, theta=at, factor=factor))
+        for way in _ways(factors) if which.any() else ():
+            at = [_rounded(np.where(which, about + np.log(factor), about)) for factor in way]
+            found.append([Setting(name=f"{what} x {s:.3g}", group=group, theta=t, factor=s) for s, t in zip(way, at, strict=True)])
     for f, weight in enumerate(weights):
-        for factor in ALONE if weight.is_component else ():
-            theta = about.copy()
-            theta[f] += np.log(factor)
-            found.append(
-                Setting(name=f"{weight.label} x {factor:.3g}", group="weight", theta=_rounded(theta), varied=weight.label, factor=factor)
-            )
+        alone = np.arange(len(weights)) == f
+        for way in _ways(ALONE) if weight.is_component else ():
+            at = [_rounded(np.where(alone, about + np.log(factor), about)) for factor in way]
+            label = weight.label
+            chain = zip(way, at, strict=True)
+            found.append([Setting(name=f"{label} x {s:.3g}", group="weight", theta=t, varied=label, factor=s) for s, t in chain])
     return found
+
+
+def _ways(factors: tuple[float, ...]) -> tuple[list[float], list[float]]:
+    """Down from one, and up."""
+    return sorted((s for s in factors if s < 1), reverse=True), sorted(s for s in factors if s > 1)
 
 
 def _rounded(theta: Array) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal
@@ -90,11 +90,17 @@ class Stand:
                 found.update(repr([(w.label, f"{w.std:.{DIGITS}g}") for w in turned.weights]).encode())
         return found.hexdigest()[:16]
 
-    def outcome(self, setting: Setting) -> Outcome:
-        """The setting solved."""
-        theta, turned = np.array(setting.theta), self.fitted
-        solution = turned.solved(theta, self.start)
-        solved = solution.solved
+    def outcomes(self, chain: Sequence[Setting]) -> list[Outcome]:
+        """The settings solved, one from where the one before arrived."""
+        found, start = list[Outcome](), self.start
+        for setting in chain:
+            solution = self.fitted.solved(np.array(setting.theta), start)
+            found.append(self._outcome(setting, solution))
+            start = solution.solved.decisions if found[-1].converged else start
+        return found
+
+    def _outcome(self, setting: Setting, solution: Solution) -> Outcome:
+        theta, turned, solved = np.array(setting.theta), self.fitted, solution.solved
         common: dict[str, Any] = {
             "setting": setting,
             "status": solved.status.value,
@@ -130,9 +136,9 @@ class Stand:
         return Likelihood(there, []).value if there.solved.status.converged else float("nan")
 
 
-def solve(blob: bytes, setting: Setting) -> Outcome:
-    """One setting of a pickled `Stand`, in a worker."""
-    return _stand(blob).outcome(setting)
+def solve(blob: bytes, chain: Sequence[Setting]) -> list[Outcome]:
+    """A chain of settings of a pickled `Stand`, in a worker."""
+    return _stand(blob).outcomes(chain)
 
 
 @lru_cache(maxsize=KEPT)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from backsight.models.augmentation import stationary_std
 from backsight.models.errors import InputError
-from backsight.ocp import Solution
+from backsight.ocp import Solution, Status
 from backsight.ocp.nlp import Values
 
 from ..problem import Problem
@@ -82,11 +82,9 @@ class Turned:
         return self.program.solve(begin, self.values(theta), newton, say or (lambda _: None))
 
     def solved(self, theta: Array, start: Array | None = None) -> Solution:
-        """The same to the full tolerance where plain steps do not get there."""
+        """The same, with as many steps again where they did not suffice."""
         found = self.solve(theta, start)
-        if found.solved.status.converged or not np.all(np.isfinite(found.solved.decisions)):
-            return found
-        return self.solve(theta, found.solved.decisions, newton=True)
+        return self.solve(theta, found.solved.decisions) if found.solved.status is Status.ITERATIONS else found
 
     def with_parameters(self, found: Mapping[str, float]) -> Turned:
         """The same with other values of the parameters that are not estimated here, by name."""

@@ -12,6 +12,7 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -166,19 +167,19 @@ def _held_out(posed: Problem, recordings: Sequence[Recording], knobs: Turned, be
     return turned(fixed, result) if result.solver.converged else None
 
 
-def _solved(stand: Stand, wanted: list[Setting], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:
-    """All settings, those that were kept and the others side by side, so many of them at once."""
-    blob = pickle.dumps(stand)
+def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:
+    """All settings, those that were kept and the others side by side, so many chains at once."""
+    blob, wanted = pickle.dumps(stand), list(chain.from_iterable(chains))
     store = Store(keep, stand.identity)
     found: dict[str, Outcome] = {s.name: kept for s in wanted if (kept := store.get(s)) is not None}
-    left = [s for s in wanted if s.name not in found]
+    left = [c for c in chains if any(s.name not in found for s in c)]  # whole: what a chain gives hangs on where it came from
     say(f"setting {len(found)} of {len(wanted)}")
-    waiting = set[Future[Outcome]]()
+    waiting = set[Future[list[Outcome]]]()
     while left or waiting:
         while left and len(waiting) < ahead:
             waiting.add(pool.submit(solve, blob, left.pop(0)))
         done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-        for outcome in (future.result() for future in done):
+        for outcome in chain.from_iterable(future.result() for future in done):
             store.put(outcome)
             found[outcome.setting.name] = outcome
             say(f"setting {len(found)} of {len(wanted)}")
