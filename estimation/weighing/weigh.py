@@ -38,6 +38,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
 
 ZERO = 0.05  # p from which on a residual force may as well be none
+FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its noise cannot be told from forces
 AHEAD = 64  # settings that a cluster has at hand
 TIED = 3.0  # log likelihood of what was held out: less makes no difference
 LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
@@ -81,13 +82,12 @@ def weigh(
         first = smooth(posed, progress=say)
         knobs = turned(posed, first)
         say("weights from the likelihood")
-        moving = np.array([w.is_component for w in knobs.weights])
-        best = maximise(knobs, np.zeros(len(knobs.weights)), moving, say=say)
+        given = _given(problem, knobs)
+        best, moving = _likeliest(knobs, given, say)
         components, theta = _components(knobs, best, moving, say)
         force = sizes(posed, best.solution)
         candidates = {LIKELIHOOD: theta, FIRST: np.zeros_like(theta), RULE: magnitudes(knobs, posed, force)}
-        given = _given(problem, knobs)
-        if given.any():
+        if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
         held = _held_out(posed, recordings, knobs, best, theta, say)
         stand = Stand(fitted=knobs, held_out=held, start=best.solution.solved.decisions)
@@ -120,6 +120,23 @@ def _open(problem: Problem) -> Problem:
     return replace(problem, recordings=recordings, weights=replace(weights, W=own, V=noisy_inputs(problem)))
 
 
+def _likeliest(knobs: Turned, given: Array, say: Progress) -> tuple[Found, Array]:
+    """The weights of greatest likelihood, and which of them (F,) were sought.
+
+    A sensor whose samples the residual forces can all follow does not tell its noise from them: it keeps what is given, or was at first.
+    """
+    theta = np.zeros(len(knobs.weights))
+    moving = np.array([w.is_component for w in knobs.weights])
+    while True:
+        best = maximise(knobs, theta, moving, say=say)
+        left, noise = best.likelihood.freedom, np.array([w.is_noise for w in knobs.weights])
+        untold = moving & noise & (left < FOLLOWED * best.likelihood.counts)
+        if not untold.any():
+            return best, moving
+        theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
+        moving = moving & ~untold
+
+
 def _components(knobs: Turned, best: Found, moving: Array, say: Progress) -> tuple[dict[str, Component], Array]:
     """What the data tell of every weight, and theta (F,) where a force that may be none is as small as can be told."""
     components, theta, spread = {}, best.theta.copy(), best.std
@@ -131,18 +148,17 @@ def _components(knobs: Turned, best: Found, moving: Array, say: Progress) -> tup
             p, gone = without(knobs, best, f, moving, say)
             if p > ZERO:
                 theta[f] = max(theta[f], gone)
-        components[weight.label] = Component(std=weight.std * float(np.exp(theta[f])), log_std=float(spread[f]), p_zero=p, unit=weight.unit)
+        told = float(spread[f]) if moving[f] else float("nan")
+        components[weight.label] = Component(std=weight.std * float(np.exp(theta[f])), log_std=told, p_zero=p, unit=weight.unit)
     return components, theta
 
 
 def _given(problem: Problem, knobs: Turned) -> Array:
-    """theta (F,) of the weights that the problem gives; NaN of those that it leaves out, all zero where it leaves out all."""
+    """theta (F,) of the weights that the problem gives, NaN of those that it leaves out."""
     stds = {f"W of {name}": std for name, std in problem.weights.W.items()}
     for recording in problem.recordings:
         stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
     stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
-    if not any(w.label in stds for w in knobs.weights):
-        return np.zeros(len(knobs.weights))
     return np.array([np.log(stds[w.label] / w.std) if w.label in stds else np.nan for w in knobs.weights])
 
 
@@ -210,6 +226,7 @@ def _moves(knobs: Turned, best: Found) -> dict[str, dict[str, float]]:
     curvature = solution.curvature
     std = np.sqrt(curvature.parameter_variance) if curvature is not None else np.full(len(slope), np.nan)
     names = [solution.transcription.dae.parameters[i].name for i in solution.transcription.nlp.free]
+    std = np.where(std > 0, std, np.nan)  # on a bound it does not move at all
     tenfold = np.log(10.0) * slope / std[:, None]
     return {w.label: dict(zip(names, tenfold[:, f].tolist(), strict=True)) for f, w in enumerate(knobs.weights)}
 

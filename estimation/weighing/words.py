@@ -46,8 +46,13 @@ def _equations(found: Weighing) -> list[str]:
 
 
 def _weights(found: Weighing) -> list[str]:
-    hardly = [label for label, c in found.components.items() if not (c.p_zero or 0) > ZERO and not c.log_std <= TOLD]
+    hardly = [label for label, c in found.components.items() if not (c.p_zero or 0) > ZERO and c.log_std > TOLD]
     out = [f"The data hardly tell {listed(hardly)}: a factor of two either way would do."] if hardly else []
+    untold = [label for label, c in found.components.items() if label.startswith("V") and np.isnan(c.log_std)]
+    out += [
+        f"{label}: the residual forces can follow every sample, and tell nothing of its noise; give what its sensor has."
+        for label in untold
+    ]
     twins = [pair for pair, r in found.correlation.items() if abs(r) > TWINS]
     return out + [f"{a} and {b} explain the same: what one has more the other has less." for a, b in twins]
 
