@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import truths
 from shaken import LINEAR, PLANT, TRUE, driven
 
@@ -22,5 +23,5 @@ def test_a_sensor_whose_every_sample_a_force_can_follow_keeps_the_noise_that_was
     )
     study = weigh(problem)
     assert np.isnan(study.components["V of x"].log_std)
-    assert study.components["V of x"].std == 3e-6
+    assert study.components["V of x"].std == pytest.approx(3e-6)
     assert any("follow every sample" in note for note in study.notes)
