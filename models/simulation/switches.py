@@ -207,7 +207,7 @@ class _Classified:
         if not general.any():
             return None
         acting = beside > _KINK * general.max()
-        span, bounds = _range(psi, rest, acting) if acting.any() else (above - below, None)
+        span, bounds, _ = law_range(psi, rest, acting) if acting.any() else (above - below, None, (0.0, 0.0))
         kind: Literal["kink", "jump", "hold"] = "jump" if acting.any() else "kink"
         rounded = all(f.width for f, _ in group)
         corner_law = any(corner.switch in indices for corner in self.graph.corners)
@@ -296,8 +296,11 @@ def _regular(matrix: Array) -> bool:
     return bool(spread[-1] > 1e-12 * spread[0])
 
 
-def _range(psi: Any, rest: Array, acting: NDArray[np.bool_]) -> tuple[Array, tuple[float, float, int] | None]:
-    """max psi - min psi, and the bounds of lambda with the sign of s at the upper one; no bounds where the acting parts differ in shape."""
+def law_range(psi: Any, rest: Array, acting: NDArray[np.bool_]) -> tuple[Array, tuple[float, float, int] | None, tuple[float, float]]:
+    """max psi - min psi, the bounds of lambda with the sign of s at the upper one, and the s of min psi and of max psi.
+
+    No bounds where the acting parts differ in shape.
+    """
     grid = np.concatenate([[-FAR], np.linspace(-_NEAR, _NEAR, 1601), [FAR]])
     table = np.where(acting, psi(grid[None, :]).full().T - rest, 0.0)
     lead = int(np.argmax(np.ptp(table, axis=0)))
@@ -306,9 +309,9 @@ def _range(psi: Any, rest: Array, acting: NDArray[np.bool_]) -> tuple[Array, tup
     size = float(span[lead])
     shape = table[:, lead, None] / (size or 1.0) * span
     if not np.all(np.isfinite(table)) or size == 0.0 or np.abs(table - shape).max() > 1e-9 * np.abs(table).max() or top * bottom > 0:
-        return span, None
+        return span, None, (bottom, top)
     low, high = ((float(psi(s)[lead]) - float(rest[lead])) / size for s in (bottom, top))
-    return span, (low, high, 1 if top > bottom else -1)
+    return span, (low, high, 1 if top > bottom else -1), (bottom, top)
 
 
 def _extreme(psi: Any, lead: int, grid: Array, column: Array, sign: float) -> float:
