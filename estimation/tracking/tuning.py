@@ -6,8 +6,9 @@ friction laws and the mesh come from there; parameters and states start from wha
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -39,9 +40,9 @@ class Tuning:
     """Settings of an estimator for a problem as it is posed (`Problem.posed`).
 
     asked: with all weights and widths; problem: the same as it is posed. force_std: place number -> std [unit * sqrt(s)]; noise, corner:
-    (ny,) of every output, std inf where it is not measured, and where Huber's loss begins [deviations]. laws: friction laws with a rounded
-    sign. stages: between two samples. sampling, gap: the usual interval between rows [s], and from where on rows stand apart. notes: what
-    was found, in words.
+    (ny,) of every output, std inf where it is not measured, and where Huber's loss begins [deviations]. laws: friction laws with a
+    rounded sign; widths: those of them that were found. stages: between two samples. sampling, gap: the usual interval between rows [s],
+    and from where on rows stand apart. notes: what was found, in words.
     """
 
     asked: Problem
@@ -50,6 +51,7 @@ class Tuning:
     noise: Array
     corner: Array
     laws: tuple[FrictionLaw, ...]
+    widths: dict[str, float]
     stages: int
     sampling: float
     gap: float
@@ -73,44 +75,44 @@ def tuned(problem: Problem, progress: Callable[[str], None]) -> Tuning:
     known = {p.name for p in problem.dae.parameters}
     widths = {name: value for name, value in widths.items() if name in known}
     settled = replace(problem, weights=answer.weights, parameters={**problem.parameters, **widths})
-    posed = settled.posed
-    index = {p.name: k for k, p in enumerate(posed.dae.places)}
-    soft = {t.dae.places[k].name for k in t.soft}
-    force_std = {index[name]: std for name, std in posed.weights.W.items() if name in soft and name in index}
-    noise = np.full(len(posed.dae.outputs), np.inf)
-    corner = np.full(len(posed.dae.outputs), GROSS)
+    posed, soft = settled.posed, {t.dae.places[k].name for k in t.soft}
+    noise, corner = np.full(len(posed.dae.outputs), np.inf), np.full(len(posed.dae.outputs), GROSS)
     for i, q in enumerate(posed.dae.outputs):
         stds = [answer.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in fitted if q.name in r.outputs]
-        if any(stds):
-            noise[i] = next(std for std in stds if std)
+        noise[i] = next((std for std in stds if std), np.inf)
         if any(r.output_loss.get(q.name) == "huber" for r in fitted):
             corner[i] = CORNER
-    first = fitted[0]
-    # a force that enters a reading at once is averaged over the stage that begins with it (`ocp/pieces.py`)
-    at_once = ca.jacobian_sparsity(posed.dae.output, ca.vertcat(posed.dae.dx, posed.dae.z, posed.dae.w)).nnz() > 0
-    stages = 1 if at_once else _stages(posed, solution, tuple(sorted(force_std)), noise, first.sampling)
-    said = [note for note in answer.notes if note.startswith(("W of", "V of"))]
-    return Tuning(
-        asked=settled,
-        problem=posed,
-        force_std=force_std,
+    found = of_weights(
+        settled,
+        widths=widths,
+        force_std={name: std for name, std in posed.weights.W.items() if name in soft},
         noise=noise,
         corner=corner,
-        laws=friction_laws(posed),
-        stages=stages,
-        sampling=first.sampling,
-        gap=gap_limit(first),
-        notes=tuple(said),
+        stages=1,
+        sampling=fitted[0].sampling,
+        gap=gap_limit(fitted[0]),
+        notes=tuple(note for note in answer.notes if note.startswith(("W of", "V of"))),
     )
+    # a force that enters a reading at once is averaged over the stage that begins with it (`ocp/pieces.py`)
+    at_once = ca.jacobian_sparsity(posed.dae.output, ca.vertcat(posed.dae.dx, posed.dae.z, posed.dae.w)).nnz() > 0
+    return found if at_once else replace(found, stages=_stages(found, solution))
 
 
-def _stages(posed: Problem, solution: Solution, soft: tuple[int, ...], noise: Array, sampling: float) -> int:
+def of_weights(settled: Problem, *, force_std: Mapping[str, float], **facts: Any) -> Tuning:
+    """The settings for a problem with all weights and widths; force_std: place of the posed problem -> std; facts: the other fields."""
+    posed = settled.posed
+    index = {p.name: k for k, p in enumerate(posed.dae.places)}
+    numbered = {index[name]: std for name, std in force_std.items() if name in index}
+    return Tuning(asked=settled, problem=posed, force_std=numbered, laws=friction_laws(posed), **facts)
+
+
+def _stages(tuning: Tuning, solution: Solution) -> int:
     """Stages between two samples with which none of the outputs is wrong by more than EXACT of its noise from one to the next.
 
     Judged where the smoothed trajectory of the first recording goes, against twice as many.
     """
-    dae, horizon = posed.dae, solution.transcription.horizons[0]
-    stage = Stage(dae, (), solution.parameters, soft, 2)
+    dae, horizon, sampling = tuning.problem.dae, solution.transcription.horizons[0], tuning.sampling
+    stage = Stage(dae, (), solution.parameters, tuple(sorted(tuning.force_std)), 2)
     predicted, h = Prediction(stage), ca.Function("h", [dae.x, dae.u, dae.p, dae.t], [dae.undisturbed(dae.output)])
     times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
     followed = Followed(transcription=solution.transcription, horizons=solution.transcription.horizons, decisions=solution.solved.decisions)
@@ -130,7 +132,7 @@ def _stages(posed: Problem, solution: Solution, soft: tuple[int, ...], noise: Ar
     count, coarse = 1, ends(1)
     while count < FINEST:
         fine = ends(2 * count)
-        if np.quantile(np.abs(fine - coarse) / noise, FEW, axis=0).max(initial=0.0) <= EXACT:
+        if np.quantile(np.abs(fine - coarse) / tuning.noise, FEW, axis=0).max(initial=0.0) <= EXACT:
             break
         count, coarse = 2 * count, fine
     return count
