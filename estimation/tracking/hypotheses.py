@@ -1,12 +1,11 @@
 """Hypotheses on what the friction laws of a model have done: a phase for each, what is known of the state under it, and how likely it is.
 
 A law stays in its phase while its margins g are positive (`models/simulation/phases.py`): the velocity of a body that slides, what is left
-of the breakaway level of one that is held. Over an interval the estimate of a margin goes from N(g0, s0^2) to N(g1, s1^2), so that
-
-    P(it ends within)   = [Phi(-g1/s1) - Phi(-g0/s0)] / Phi(g0/s0)
-
-and it ends, on the average, where the margin would be zero that was in the middle of those that do. There the other hypothesis begins,
-with g = 0 known exactly: this is what makes a filter that tells slip from stick sharp, more than the difference of their dynamics.
+of the breakaway level of one that is held. Over an interval the estimate of a margin falls from N(g0, s^2) to N(g1, s^2): those that began
+between 0 and g0 - g1 end within it, which is a probability, a mean instant and a spread about it. That part of the Gaussian is cut out and
+goes on in the other phase from the mean instant; the rest stays. Both are Gaussians again, of the same mean and variance as the parts
+(truncation: D. Simon & D. L. Simon, Int. J. Systems Science 41, 2010), so that an event which may happen any time says what it says and one
+that must happen says nothing; the spread about the instant becomes one of the state (`Belief.switched`).
 """
 
 from __future__ import annotations
@@ -24,7 +23,8 @@ from backsight.ocp.moving.belief import Belief, Flow
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Phase = tuple[int, ...]
 
-MASS = 1e-5  # probability below which an event is not followed: rarer than a sample in an hour at 20 Hz
+SCAN = int(__import__("os").environ.get("SCAN","10"))
+MASS = float(__import__("os").environ.get("MASS","1e-5"))  # probability below which an event is not followed: rarer than a sample in an hour at 20 Hz
 LEAST = 1e-6  # of a sampling interval: shorter ones are not integrated
 MEMORY = 100  # changes of a hypothesis that are kept
 CHANGES = 4  # of a hypothesis within a sampling interval, at most: sampled data tell nothing of more
@@ -65,8 +65,8 @@ class Interval:
 class Bank:
     """At most `keep` hypotheses; flow: phase -> the model in it, of, beyond: see `InPhase`."""
 
-    def __init__(self, flow: Callable[[Phase], tuple[Flow, tuple[int, ...], tuple[int, ...]]], keep: int) -> None:
-        self._flow, self.keep = flow, keep
+    def __init__(self, flow: Callable[[Phase], tuple[Flow, tuple[int, ...], tuple[int, ...]]], keep: int, sampling: float) -> None:
+        self._flow, self.keep, self.lately = flow, keep, SCAN * sampling
         self.hypotheses: list[Hypothesis] = []
 
     def move(self, interval: Interval) -> None:
@@ -79,7 +79,7 @@ class Bank:
             if stayed is not None:
                 found.append(stayed)
         self.hypotheses = found
-        self._pruned()
+        self._pruned(interval.end)
 
     def sampled(self, newest: Array) -> None:
         """After a sample."""
@@ -88,54 +88,77 @@ class Bank:
             belief, likelihood = self._flow(h.phase)[0].sampled(h.belief, newest)
             after.append(replace(h, belief=belief, weight=h.weight + likelihood))
         self.hypotheses = after
-        self._pruned()
+        self._pruned(float(newest[0]))
 
-    def _pruned(self) -> None:
-        total = logsumexp([h.weight for h in self.hypotheses])
-        likely = sorted((replace(h, weight=float(h.weight - total)) for h in self.hypotheses), key=lambda h: -h.weight)
-        self.hypotheses = [h for h in likely[: self.keep] if h.weight >= np.log(MASS) + likely[0].weight]
+    def _pruned(self, now: float) -> None:
+        """The likeliest, after those that agree in what happened lately have become one."""
+        alike: dict[tuple[object, ...], list[Hypothesis]] = {}
+        for h in self.hypotheses:
+            recent = tuple((int(at / self.lately * SCAN), phase) for at, phase in h.changes if at > now - self.lately)
+            alike.setdefault((h.phase, h.just, recent), []).append(h)
+        merged = sorted((_merged(group) for group in alike.values()), key=lambda h: -h.weight)
+        kept = [h for h in merged[: self.keep] if h.weight >= np.log(MASS) + merged[0].weight]
+        total = logsumexp([h.weight for h in kept])
+        self.hypotheses = [replace(h, weight=float(h.weight - total)) for h in kept]
 
     def _followed(self, h: Hypothesis, time: float, interval: Interval) -> tuple[Hypothesis | None, list[tuple[Hypothesis, float]]]:
         """The hypothesis at the end, if it may stay in its phase until then, and those that leave it before."""
         flow, of, beyond = self._flow(h.phase)
         end = self._moved(flow, h.belief, time, interval.end, interval)
-        g0, _, s0 = flow.margins(h.belief, interval.input(time), time)
-        g1, _, s1 = flow.margins(end, interval.input(interval.end), interval.end)
+        start, stop = flow.at(h.belief, interval.input(time), time), flow.at(end, interval.input(interval.end), interval.end)
         stays, left = h.weight, list[tuple[Hypothesis, float]]()
+        many = sum(at > interval.start for at, _ in h.changes) >= CHANGES
         for i, law in enumerate(of):
-            passed = 0.0 if h.just == law else float(ndtr(-g0[i] / s0[i]))
-            mass = float(np.clip((ndtr(-g1[i] / s1[i]) - passed) / max(1.0 - passed, MASS), 0.0, 1.0))
-            if mass < MASS or g1[i] >= g0[i] or sum(at > interval.start for at, _ in h.changes) >= CHANGES:
+            fall = float(start.g[i] - stop.g[i])
+            if many or fall <= 0.0:
                 continue
-            share = _share(float(g0[i]), float(g0[i] - g1[i]), float(s1[i]))
-            left += self._left(replace(h, weight=stays + np.log(mass)), time, interval, i, share, beyond[i])
+            cut = Cut(float(start.g[i]), fall, float(stop.std[i]))
+            before = 0.0 if h.just == law or start.std[i] == 0.0 else float(ndtr(-start.g[i] / start.std[i]))
+            mass = min(cut.mass / max(1.0 - before, MASS), 1.0)
+            if min(mass, cut.mass) < MASS:
+                continue
+            left += self._left(replace(h, weight=stays + np.log(mass)), time, interval, i, cut, beyond[i])
             stays += np.log1p(-min(mass, 1.0 - 1e-15))
+            end = end.reshaped(stop.J[i], *cut.rest) if mass < 1.0 - MASS else end
         stayed = replace(h, belief=end, weight=stays, just=None)
         return (stayed if stays >= h.weight + np.log(MASS) else None), left
 
-    def _left(self, h: Hypothesis, time: float, interval: Interval, i: int, share: float, beyond: int) -> list[tuple[Hypothesis, float]]:
-        """What follows when margin i ends after a share of the time until the end, where the law then goes `beyond` or is held."""
+    def _left(self, h: Hypothesis, time: float, interval: Interval, i: int, cut: Cut, beyond: int) -> list[tuple[Hypothesis, float]]:
+        """What follows when margin i ends on the way to the end of the interval; the law then goes `beyond` or is held."""
         flow, of, _ = self._flow(h.phase)
-        law, at = of[i], time + share * (interval.end - time)
+        law, span = of[i], interval.end - time
+        at, rate = time + cut.share * span, -cut.fall / span
         here = self._moved(flow, h.belief, time, at, interval)
-        g, J, _ = flow.margins(here, interval.input(at), at)
-        belief = here.told(J[i : i + 1], g[i : i + 1], 0.0)[0]
-        other = (*h.phase[:law], beyond, *h.phase[law + 1 :])
+        u = interval.input(at)
+        instant = flow.at(here, u, at)
+        ratio = min(cut.std / float(instant.std[i]), 1.0) if instant.std[i] else 1.0
+        here = here.reshaped(instant.J[i], -float(instant.g[i]), ratio)
+        old = flow.at(here, u, at)
+
+        def into(s: int) -> tuple[Phase, Belief, float]:
+            """The phase, what is known in it, and the probability that its margins allow it."""
+            phase = (*h.phase[:law], s, *h.phase[law + 1 :])
+            other, of_other, _ = self._flow(phase)
+            new = other.at(here, u, at)
+            belief = here.switched(new.rate - old.rate, old.J[i], rate)
+            if s:
+                return phase, belief, 1.0
+            holds = [ndtr(m / std) if std else float(m > 0) for m, std, k in zip(new.g, new.std, of_other, strict=True) if k == law]
+            return phase, belief.reshaped(old.J[i], 0.0, 0.0), float(np.prod(holds))
+
+        through, slides, _ = into(beyond)
         if h.phase[law] == 0:
-            return [(self._changed(h, other, belief, h.weight, at, law), at)]
-        held = (*h.phase[:law], 0, *h.phase[law + 1 :])
-        holding, of_held, _ = self._flow(held)
-        room, _, std = holding.margins(belief, interval.input(at), at)
-        holds = float(np.prod([ndtr(m / s) for m, s, k in zip(room, std, of_held, strict=True) if k == law]))
-        both = [(held, holds, None), (other, 1.0 - holds, law)]
-        return [(self._changed(h, phase, belief, h.weight + np.log(m), at, just), at) for phase, m, just in both if m >= MASS]
+            return [(self._changed(h, through, slides, h.weight, at, law), at)]
+        held, rests, holds = into(0)
+        both = [(held, rests, holds, None), (through, slides, 1.0 - holds, law)]
+        return [(self._changed(h, phase, belief, h.weight + np.log(m), at, just), at) for phase, belief, m, just in both if m >= MASS]
 
     @staticmethod
     def _changed(h: Hypothesis, phase: Phase, belief: Belief, weight: float, at: float, just: int | None) -> Hypothesis:
         return replace(h, phase=phase, belief=belief, weight=weight, changes=(*h.changes[-MEMORY:], (at, phase)), just=just)
 
     @staticmethod
-    def _moved(flow: Flow, belief: Belief, start: float, end: float, interval: Interval) -> Known:
+    def _moved(flow: Flow, belief: Belief, start: float, end: float, interval: Interval) -> Belief:
         if end - start <= LEAST * (interval.end - interval.start):
             return belief
         for d in interval.whole if (start, end) == (interval.start, interval.end) else interval.stages(start, end):
@@ -143,12 +166,41 @@ class Bank:
         return belief
 
 
-def _share(margin: float, fall: float, std: float) -> float:
-    """Of an interval, after which a margin ends on the average: N(margin, std^2), of which what lies in (0, fall) ends within."""
-    a, b = -margin / std, (fall - margin) / std
-    mass = float(ndtr(b) - ndtr(a))
-    middle = margin + std * float(np.exp(-a * a / 2) - np.exp(-b * b / 2)) / np.sqrt(2 * np.pi) / mass if mass > MASS else margin
-    return float(np.clip(middle / fall, LEAST, 1.0))
+def _merged(group: list[Hypothesis]) -> Hypothesis:
+    """One Gaussian of the same mean and variance, with the past of the likeliest."""
+    best = max(group, key=lambda h: h.weight)
+    if len(group) == 1:
+        return best
+    total = float(logsumexp([h.weight for h in group]))
+    shares = np.exp([h.weight - total for h in group])
+    mean = np.asarray(sum(w * h.belief.mean for w, h in zip(shares, group, strict=True)))
+    columns = [np.sqrt(w) * np.column_stack([h.belief.root, h.belief.mean - mean]) for w, h in zip(shares, group, strict=True)]
+    root = np.linalg.qr(np.column_stack(columns).T, mode="r").T
+    return replace(best, belief=Belief(mean=mean, root=root), weight=total)
+
+
+class Cut:
+    """Of a margin that begins as N(margin, std^2) and falls by `fall`, those that end: they began between 0 and `fall`.
+
+    mass, mean, std: their probability, and mean and deviation at the beginning; share: of the fall, after which they end on the average;
+    rest: how far the mean of those that do not end is from the mean of all, and the ratio of the deviations.
+    """
+
+    def __init__(self, margin: float, fall: float, std: float) -> None:
+        self.fall, std = fall, max(std, LEAST * fall)
+        ends = np.array([-margin, fall - margin]) / std
+        density = np.exp(-(ends**2) / 2) / np.sqrt(2 * np.pi)
+        self.mass = float(ndtr(ends[1]) - ndtr(ends[0])) if ends[0] < 0 else float(ndtr(-ends[0]) - ndtr(-ends[1]))
+        if self.mass < MASS:
+            return
+        off = float(density[0] - density[1]) / self.mass  # mean and mean square of those that end, over std from `margin`
+        square = 1.0 + float(ends[0] * density[0] - ends[1] * density[1]) / self.mass
+        self.mean = float(np.clip(margin + std * off, 0.0, fall))
+        self.std = std * float(np.sqrt(max(square - off**2, 0.0)))
+        self.share = max(self.mean / fall, LEAST)
+        left = max(1.0 - self.mass, MASS)
+        moved = -off * self.mass / left
+        self.rest = std * moved, float(np.sqrt(max((1.0 - self.mass * square) / left - moved**2, 0.0)))
 
 
 def edges(start: float, end: float, count: int) -> list[tuple[float, float]]:

@@ -118,7 +118,7 @@ class PhaseEstimator:
         self._driven = Driven(len(self._inputs), first.hold)
         self.sampling, self._gap = first.sampling, gap_limit(first)
         self._flows: dict[Phase, tuple[Flow, tuple[int, ...], tuple[int, ...]]] = {}
-        self._bank = Bank(self._flow, hypotheses)
+        self._bank = Bank(self._flow, hypotheses, self.sampling)
         self.stages = self._stages(first)
         self.newest: float | None = None
         self.estimate: PhaseEstimate | None = None
@@ -227,8 +227,8 @@ class PhaseEstimator:
         """With the velocities of the laws that stick at zero."""
         sliding = self._flow(tuple(1 for _ in phase))[0]
         for k in (k for k, s in enumerate(phase) if s == 0):
-            v, J, std = sliding.margins(belief, np.zeros(len(self._inputs)), 0.0)
-            belief = belief.told(J[k : k + 1], v[k : k + 1], 0.0)[0] if std[k] > 0 else belief
+            here = sliding.at(belief, np.zeros(len(self._inputs)), 0.0)
+            belief = belief.reshaped(here.J[k], -float(here.g[k]), 0.0)
         return belief
 
     def _first(self) -> Belief:

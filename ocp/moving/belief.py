@@ -4,14 +4,14 @@ Over a stage (`stage.py`) with unknowns [x | own], own = [interior | x'], linear
 
     J_own d own = -J_(x, p) d[x; p] + [0; e],    e ~ N(0, I)        so   x' = Phi [x; p] + Gamma e,    L <- [Phi L, Gamma]
 
-and a row J [x; p] + g = noise of deviation r (0: it holds exactly) is told by one triangular factor (T. Kailath, A. H. Sayed & B. Hassibi,
-Linear Estimation, 2000, section 12.3)
+and samples J [x; p] + g = e ~ N(0, I) are told by one triangular factor (T. Kailath, A. H. Sayed & B. Hassibi, Linear Estimation, 2000,
+section 12.3)
 
-    | r I   J L |         | S   0  |       P = L L',    S S' = J P J' + r^2 I
-    |  0     L  |   Q  =  | K   L+ |
+    | I   J L |         | S   0  |       P = L L',    S S' = J P J' + I
+    | 0    L  |   Q  =  | K   L+ |
 
-an extended Kalman filter in root covariance form. Unlike an information it takes exact conditions, and what decays within a stage is no
-trouble: of a state without noise the information grows without end.
+an extended Kalman filter in root covariance form. Unlike an information it takes what is known exactly, and what decays within a stage is
+no trouble: of a state without noise the information grows without end.
 """
 
 from __future__ import annotations
@@ -41,15 +41,44 @@ class Belief:
         """Deviations (n,)."""
         return np.asarray(np.sqrt(np.sum(self.root**2, axis=1)))
 
-    def told(self, J: Array, g: Array, noise: float) -> tuple[Belief, float]:
-        """After g + J ([x; p] - mean) = noise (m,), and the logarithm of how likely that was but for (2 pi)^(-m/2)."""
+    def told(self, J: Array, g: Array) -> tuple[Belief, float]:
+        """After g + J ([x; p] - mean) = e ~ N(0, I) (m,), and the logarithm of how likely that was but for (2 pi)^(-m/2)."""
         m, n = J.shape
-        before = np.block([[noise * np.eye(m), J @ self.root], [np.zeros((n, m)), self.root]])
+        before = np.block([[np.eye(m), J @ self.root], [np.zeros((n, m)), self.root]])
         after = np.linalg.qr(before.T, mode="r").T
         S, K = after[:m, :m], after[m:, :m]
         e = np.linalg.solve(S, -g)
         likelihood = -0.5 * float(e @ e) - float(np.sum(np.log(np.abs(np.diag(S)))))
         return Belief(mean=self.mean + K @ e, root=after[m:, m:]), likelihood
+
+    def reshaped(self, J: Array, move: float, ratio: float) -> Belief:
+        """With J [x; p], (n,), moved by `move` and its deviation multiplied by `ratio`; all else goes with it by regression."""
+        across = J @ self.root
+        variance = float(across @ across)
+        if variance == 0.0:
+            return self
+        K = self.root @ across / variance
+        return Belief(mean=self.mean + K * move, root=self.root - (1.0 - ratio) * np.outer(K, across))
+
+    def switched(self, jump: Array, J: Array, rate: float) -> Belief:
+        """Carried over to other equations, in which x' (nx,) is larger by `jump`, since the instant at which J [x; p] was at its mean.
+
+        It passed there at a rate, so that one that is off by d is off by d/rate in time, and for so long the other equations held
+        (the saltation matrix: N. J. Kong, J. J. Payne, G. Council & A. M. Johnson, The Salted Kalman Filter, Automatica 131, 2021).
+        """
+        root = self.root.copy()
+        root[: len(jump)] += np.outer(jump / rate, J @ self.root)
+        return Belief(mean=self.mean, root=root)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instant:
+    """Under an input and without residual force: margins g (m,), their derivatives J (m, n) in [x; p] and deviations (m,), and x' (nx,)."""
+
+    g: Array
+    J: Array
+    std: Array
+    rate: Array
 
 
 class Flow:
@@ -79,7 +108,7 @@ class Flow:
         nx = self.stage.interpolation.states
         e, J = self._last(belief.mean[:nx], belief.mean[nx:], newest)
         there = np.abs(newest[len(newest) - len(e) :]) > 0
-        after, likelihood = belief.told(J[there], e[there, 0], 1.0)
+        after, likelihood = belief.told(J[there], e[there, 0])
         mean = after.mean.copy()
         mean[nx:] = np.clip(mean[nx:], self._lower, self._upper)
         return Belief(mean=mean, root=after.root), likelihood
@@ -92,19 +121,19 @@ class Flow:
         """The state (nx,) at the end of a stage without residual force."""
         return self._course(x, p, d)[0]
 
-    def margins(self, belief: Belief, u: Array, time: float) -> tuple[Array, Array, Array]:
-        """The margins (m,) under the input u (nu,) and no residual force, their derivatives (m, n) and deviations (m,)."""
+    def at(self, belief: Belief, u: Array, time: float) -> Instant:
+        """Where it stands at a time [s] under an input u (nu,)."""
         nx, v, t = self.stage.interpolation.states, self._v, np.array([time])
         x, p = belief.mean[:nx], belief.mean[nx:]
         for _ in range(STEPS):
             F, F_v, F_xp, g, g_v, g_xp = self._instant(v, x, u, p, t)
             move = np.linalg.solve(F_v, -F[:, 0])
+            v = v + move
             if np.all(np.abs(move) <= PRECISE * (1.0 + np.abs(v))):
                 break
-            v = v + move
         self._v = v if np.all(np.isfinite(v)) else self._v
         J = g_xp - g_v @ np.linalg.solve(F_v, F_xp)
-        return g[:, 0].copy(), J, np.sqrt(np.sum((J @ belief.root) ** 2, axis=1))
+        return Instant(g=g[:, 0].copy(), J=J, std=np.sqrt(np.sum((J @ belief.root) ** 2, axis=1)), rate=v[:nx])
 
     def _course(self, x: Array, p: Array, d: Array) -> tuple[Array, Array]:
         """The state at the end of a stage without residual force, and the derivatives of all balances there."""
