@@ -112,14 +112,14 @@ class Bank:
             fall = float(start.g[i] - stop.g[i])
             if many or fall <= 0.0:
                 continue
-            cut = Cut(float(start.g[i]), fall, float(stop.std[i]))
+            cut = Cut(float(start.g[i]), fall, float(stop.std[i]), float(stop.noise[i]))
             before = 0.0 if h.just == law or start.std[i] == 0.0 else float(ndtr(-start.g[i] / start.std[i]))
             mass = min(cut.mass / max(1.0 - before, MASS), 1.0)
             if min(mass, cut.mass) < MASS:
                 continue
             left += self._left(replace(h, weight=stays + np.log(mass)), time, interval, i, cut, beyond[i])
             stays += np.log1p(-min(mass, 1.0 - 1e-15))
-            end = end.reshaped(stop.J[i], *cut.rest) if mass < 1.0 - MASS else end
+            end = end.reshaped(stop.J[i], *cut.rest()) if mass < 1.0 - MASS else end
         stayed = replace(h, belief=end, weight=stays, just=None)
         return (stayed if stays >= h.weight + np.log(MASS) else None), left
 
@@ -131,8 +131,7 @@ class Bank:
         here = self._moved(flow, h.belief, time, at, interval)
         u = interval.input(at)
         instant = flow.at(here, u, at)
-        ratio = min(cut.std / float(instant.std[i]), 1.0) if instant.std[i] else 1.0
-        here = here.reshaped(instant.J[i], -float(instant.g[i]), ratio)
+        here = here.reshaped(instant.J[i], *cut.ends(-float(instant.g[i])))
         old = flow.at(here, u, at)
 
         def into(s: int) -> tuple[Phase, Belief, float]:
@@ -180,27 +179,39 @@ def _merged(group: list[Hypothesis]) -> Hypothesis:
 
 
 class Cut:
-    """Of a margin that begins as N(margin, std^2) and falls by `fall`, those that end: they began between 0 and `fall`.
+    """Of a margin that begins as N(margin, std^2 + noise^2) and falls by `fall`, those that end.
 
-    mass, mean, std: their probability, and mean and deviation at the beginning; share: of the fall, after which they end on the average;
-    rest: how far the mean of those that do not end is from the mean of all, and the ratio of the deviations.
+    They began below `fall`, and not where the margin had ended before: below zero, if there is no noise; anywhere, if all is noise, which
+    is another one in every interval. mass: their probability; share: of the interval, after which they end on the average.
     """
 
-    def __init__(self, margin: float, fall: float, std: float) -> None:
-        self.fall, std = fall, max(std, LEAST * fall)
-        ends = np.array([-margin, fall - margin]) / std
-        density = np.exp(-(ends**2) / 2) / np.sqrt(2 * np.pi)
-        self.mass = float(ndtr(ends[1]) - ndtr(ends[0])) if ends[0] < 0 else float(ndtr(-ends[0]) - ndtr(-ends[1]))
+    def __init__(self, margin: float, fall: float, std: float, noise: float) -> None:
+        self.fall, self._std = fall, max(std, LEAST * fall)
+        self._whole = np.hypot(self._std, noise)
+        a, b = -margin / self._std, (fall - margin) / self._whole
+        self.mass = float(ndtr(b) - ndtr(a)) if a < 0 else float(ndtr(-a) - ndtr(-b))
         if self.mass < MASS:
+            self.mass = 0.0
             return
-        off = float(density[0] - density[1]) / self.mass  # mean and mean square of those that end, over std from `margin`
-        square = 1.0 + float(ends[0] * density[0] - ends[1] * density[1]) / self.mass
-        self.mean = float(np.clip(margin + std * off, 0.0, fall))
-        self.std = std * float(np.sqrt(max(square - off**2, 0.0)))
-        self.share = max(self.mean / fall, LEAST)
+        at_a, at_b = (np.exp(-(e**2) / 2) / np.sqrt(2 * np.pi) for e in (a, b))
+        self._mean = float(at_a - at_b) / self.mass  # and mean square of those that end, from `margin` and over the deviation of all
+        self._square = 1.0 + float(a * at_a - b * at_b) / self.mass
+        self.share = float(np.clip((margin + self._whole * self._mean) / fall, LEAST, 1.0))
+
+    def ends(self, move: float) -> tuple[float, float]:
+        """How far the mean of the margin without noise moves, and the ratio of its deviations, for those that end; `move` with noise."""
+        return self._without(move, self._square - self._mean**2)
+
+    def rest(self) -> tuple[float, float]:
+        """The same for those that do not end."""
         left = max(1.0 - self.mass, MASS)
-        moved = -off * self.mass / left
-        self.rest = std * moved, float(np.sqrt(max((1.0 - self.mass * square) / left - moved**2, 0.0)))
+        mean = -self._mean * self.mass / left
+        return self._without(self._whole * mean, (1.0 - self.mass * self._square) / left - mean**2)
+
+    def _without(self, move: float, variance: float) -> tuple[float, float]:
+        """Of a sum of which the variance becomes a part of what it was, the summand that has the variance std^2."""
+        part = float((self._std / self._whole) ** 2)
+        return part * move, float(np.sqrt(np.clip(1.0 - part * (1.0 - variance), 0.0, 1.0)))
 
 
 def edges(start: float, end: float, count: int) -> list[tuple[float, float]]:

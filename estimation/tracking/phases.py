@@ -204,7 +204,7 @@ class PhaseEstimator:
             posed, within = self.problem, self._phases.within(phase)
             stage = Stage(within.dae, self._free, posed.values, self._soft, DEGREE)
             bounds = np.array([posed.parameter_range(i) for i in self._free]).reshape(-1, 2)
-            flow = Flow(stage, within.margins, bounds[:, 0], bounds[:, 1])
+            flow = Flow(stage, within.margins, bounds, self._force_std / np.sqrt(self.sampling))
             self._flows[phase] = flow, within.of, within.beyond
         return self._flows[phase]
 

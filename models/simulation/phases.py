@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..dae import Dae, EquationInfo, Quantity
 from .events import component_of
-from .switch_graph import Found, Graph
+from .switch_graph import Graph
 from .switches import FAR, find_switches, law_range
 
 SX = Any
@@ -30,8 +30,7 @@ Array = NDArray[np.float64]
 class InPhase:
     """The model in one phase of every law; margins (m,): expressions in x', x, z, u, p, t, positive as long as it lasts.
 
-    Each margin is of the law `of[i]` (its place among the laws), which beyond it slides the way `beyond[i]`: at rest it breaks away so;
-    sliding it comes to rest, 0, and if nothing holds it there goes on that way.
+    Margin i is of law number of[i], which goes on the way beyond[i] where it ends, unless it was sliding and is held there.
     """
 
     dae: Dae
@@ -40,48 +39,65 @@ class InPhase:
     beyond: tuple[int, ...]
 
 
-class Phases:
-    """The laws of a model that stick and slide; values p (np,): of which the strengths are looked at, and zero is none.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Law:
+    """Of a velocity v(x, t): the symbols that it puts into the equations, what each is of s = v over its width, and its range.
 
-    names: of the laws, as their components are called.
+    low, high: bounds of lambda, the sign of v beyond the upper one, and s at min psi and at max psi.
     """
+
+    name: str
+    velocity: SX
+    s: SX
+    parts: tuple[tuple[SX, SX], ...]
+    bounds: tuple[float, float, int]
+    ends: tuple[float, float]
+
+    def sliding(self, way: int) -> list[SX]:
+        """psi of every part."""
+        return [ca.substitute(psi, self.s, ca.SX(way * FAR)) for _, psi in self.parts]
+
+    def held(self, share: SX) -> list[SX]:
+        """psi of every part, `share` of its range from rest."""
+        rest, bottom, top = ([ca.substitute(psi, self.s, ca.SX(s)) for _, psi in self.parts] for s in (0.0, *self.ends))
+        return [r + (t - b) * share for r, b, t in zip(rest, bottom, top, strict=True)]
+
+
+class Phases:
+    """The laws of a model that stick and slide, at values p (np,) with which their strengths are looked at: zero is none."""
 
     def __init__(self, dae: Dae, values: Array) -> None:
         self._dae, self._values = dae, values
-        switched = find_switches(dae, values, ())
-        holding = [s for s in switched.switches if s.kind == "hold" and s.width]
         self._graph = Graph(dae, [q.name for q in dae.parameters if q.smoothing])
-        own = [(s, [f for f in self._graph.found if f.width == s.width and f.parts]) for s in holding]
-        kept = [(s, found[0]) for s, found in own if len(found) == 1]
-        self.names = tuple(component_of(dae, s) for s, _ in kept)
-        self._laws = [found for _, found in kept]
+        switches = find_switches(dae, values, ()).switches
+        self.laws = [self._law(component_of(dae, s), s.members) for s in switches if s.kind == "hold"]
 
-    def velocities(self) -> SX:
-        """Of the laws, expressions in x and t."""
-        return ca.vertcat(*(self._written(f.function) for f in self._laws))
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the components whose laws they are."""
+        return tuple(law.name for law in self.laws)
 
     def within(self, phase: Sequence[int]) -> InPhase:
         """The model while every law is in its phase: +1, -1 or 0."""
-        dae, symbols, values = self._dae, [], []
-        margins, of, beyond, holds, rows = [], [], [], [], []
-        for k, (law, s, name) in enumerate(zip(self._laws, phase, self.names, strict=True)):
-            v = self._written(law.function)
-            if s:
-                values += [ca.substitute(psi, law.s, ca.SX(s * FAR)) for _, psi in law.parts]
-                margins, of, beyond = [*margins, s * v], [*of, k], [*beyond, -s]
+        dae, psi = self._dae, list[SX]()
+        margins, of, beyond, holds, rows = list[SX](), list[int](), list[int](), list[tuple[SX, Quantity]](), list[tuple[SX, EquationInfo]]()
+        for k, (law, way) in enumerate(zip(self.laws, phase, strict=True)):
+            v = law.velocity
+            if way:
+                psi += law.sliding(way)
+                margins, of, beyond = [*margins, way * v], [*of, k], [*beyond, -way]
             else:
-                hold = ca.SX.sym(f"{name}.hold")
-                (low, high, toward), ends = self._range(law)
-                for (_, psi), (bottom, top) in zip(law.parts, ends, strict=True):
-                    values.append(ca.substitute(psi, law.s, ca.SX(0)) + (top - bottom) * hold)
-                holds.append((hold, Quantity(name=f"{name}.hold", unit="1", description="share of the law's range that holds at rest")))
+                share = ca.SX.sym(f"{law.name}.hold")
+                psi += law.held(share)
+                holds.append((share, Quantity(name=f"{law.name}.hold", unit="1", description="share of the law's range that holds at rest")))
                 rate = ca.jacobian(v, dae.x) @ dae.dx + ca.jacobian(v, dae.t)
-                rows.append((rate, EquationInfo(name="at rest", component=name, origin=f"{name}: its velocity stays zero")))
-                margins, of, beyond = [*margins, high - hold, hold - low], [*of, k, k], [*beyond, toward, -toward]
-            symbols += [symbol for symbol, _ in law.parts]
+                rows.append((rate, EquationInfo(name="at rest", component=law.name, origin=f"{law.name}: its velocity stays zero")))
+                low, high, way_up = law.bounds
+                margins, of, beyond = [*margins, high - share, share - low], [*of, k, k], [*beyond, way_up, -way_up]
+        symbols = [symbol for law in self.laws for symbol, _ in law.parts]
 
         def put(expression: SX) -> SX:
-            return self._written(ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*values)) if symbols else expression)
+            return self._as_written(ca.substitute(expression, ca.vertcat(*symbols), ca.vertcat(*psi)) if symbols else expression)
 
         smooth = replace(
             dae,
@@ -93,17 +109,18 @@ class Phases:
         )
         return InPhase(dae=smooth, margins=put(ca.vertcat(*margins)), of=tuple(of), beyond=tuple(beyond))
 
-    def _range(self, law: Found) -> tuple[tuple[float, float, int], list[tuple[SX, SX]]]:
-        """Bounds of lambda with the sign of v at the upper one, and of every part the expressions of psi at both ends."""
-        psi = ca.Function("psi", [law.s, self._dae.p], [ca.vertcat(*(e for _, e in law.parts))])
-        s = ca.SX.sym("s")
+    def _law(self, name: str, members: Sequence[tuple[int, int]]) -> Law:
+        """Several switches of one velocity hold together."""
+        s, found = ca.SX.sym("s"), [(self._graph.found[k], sign) for k, sign in members]
+        parts = [(symbol, ca.substitute(psi, f.s, sign * s)) for f, sign in found for symbol, psi in f.parts]
+        psi = ca.Function("psi", [s, self._dae.p], [ca.vertcat(*(e for _, e in parts))])
         numbers = ca.Function("psi", [s], [psi(s, ca.DM(self._values))])
-        _, bounds, (bottom, top) = law_range(numbers, numbers(0.0).full()[:, 0], np.ones(len(law.parts), dtype=bool))
+        _, bounds, ends = law_range(numbers, numbers(0.0).full()[:, 0], np.ones(len(parts), dtype=bool))
         if bounds is None:
-            raise RuntimeError(f"{law.width}: a law that holds has a range")
-        return bounds, [tuple(ca.substitute(e, law.s, ca.SX(end)) for end in (bottom, top)) for _, e in law.parts]
+            raise RuntimeError(f"{name}: a law that holds has a range")
+        return Law(name=name, velocity=self._as_written(found[0][0].function), s=s, parts=tuple(parts), bounds=bounds, ends=ends)
 
-    def _written(self, expression: SX) -> SX:
+    def _as_written(self, expression: SX) -> SX:
         """What is no law of friction as it was."""
         for corner in reversed(self._graph.corners):
             expression = ca.substitute(expression, corner.symbol, corner.written)

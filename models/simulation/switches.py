@@ -69,6 +69,7 @@ class Switch:
     rounded   whether the law as written is a rounded one, and can stand in
     plain     its branches cannot be continued beyond a = 0 (a root of a negative number): the law stays as written
     width     name of the smoothing parameter, "" without
+    members   places among the graph's switches, with the sign of their function over this one's
     """
 
     function: SX
@@ -80,6 +81,7 @@ class Switch:
     rounded: bool = False
     plain: bool = False
     width: str = ""
+    members: tuple[tuple[int, int], ...] = ()
     declared: SX = None
 
 
@@ -136,7 +138,7 @@ class _Classified:
         left: set[str] = set()
         for group in self._merged():
             found = [self.graph.found[k] for k, _ in group]
-            switch = self._switch([(f, sign) for f, (_, sign) in zip(found, group, strict=True)], {k for k, _ in group})
+            switch = self._switch([(f, sign) for f, (_, sign) in zip(found, group, strict=True)], group)
             if switch is not None:
                 switches.append(switch)
                 kept.update(k for k, _ in group)
@@ -188,8 +190,9 @@ class _Classified:
                 groups.append([(k, 1)])
         return groups
 
-    def _switch(self, group: list[tuple[Found, int]], indices: set[int]) -> Switch | None:
+    def _switch(self, group: list[tuple[Found, int]], members: list[tuple[int, int]]) -> Switch | None:
         """The switch of a group; None where it has no effect, or is none in the limit of no rounding."""
+        indices = {k for k, _ in members}
         s = ca.SX.sym("s")
         parts = [(symbol, ca.substitute(_put(self.dae, psi, self.values), f.s, sign * s)) for f, sign in group for symbol, psi in f.parts]
         function = self._sharp(group[0][0].function)
@@ -234,6 +237,7 @@ class _Classified:
             rounded=rounded,
             plain=kind == "kink" and self._ends_at_corner(function, symbols, below, above),
             width=group[0][0].width,
+            members=tuple(members),
         )
 
     def _strength(self, function: SX, symbols: list[SX], span: Array) -> tuple[Array, Array, Array]:

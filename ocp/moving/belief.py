@@ -73,19 +73,26 @@ class Belief:
 
 @dataclass(frozen=True, kw_only=True)
 class Instant:
-    """Under an input and without residual force: margins g (m,), their derivatives J (m, n) in [x; p] and deviations (m,), and x' (nx,)."""
+    """Under an input and without residual force: margins g (m,), their derivatives J (m, n) in [x; p], and x' (nx,).
+
+    std: deviations (m,) of the margins; noise: those that the residual forces add, which differ from one interval to the next.
+    """
 
     g: Array
     J: Array
     std: Array
+    noise: Array
     rate: Array
 
 
 class Flow:
-    """A model's way from one instant to another; margins: expressions in x', x, z, u, p, t. lower, upper (np,): bounds of p."""
+    """A model's way from one instant to another; margins: expressions in x', x, z, u, p, t.
 
-    def __init__(self, stage: Stage, margins: Any, lower: Array, upper: Array) -> None:
-        self.stage, self._lower, self._upper = stage, lower, upper
+    bounds (np, 2) of p; force_std (n_soft,): deviations of residual forces, as they act at an instant.
+    """
+
+    def __init__(self, stage: Stage, margins: Any, bounds: Array, force_std: Array) -> None:
+        self.stage, self._bounds, self._force_std = stage, bounds, force_std
         self._balances, self._last, self._instant = Called(stage.balances), Called(stage.last), Called(_instant(stage, margins))
         self._v = np.concatenate([np.zeros(stage.interpolation.states), [q.start for q in stage.dae.algebraics]])
 
@@ -110,7 +117,7 @@ class Flow:
         there = np.abs(newest[len(newest) - len(e) :]) > 0
         after, likelihood = belief.told(J[there], e[there, 0])
         mean = after.mean.copy()
-        mean[nx:] = np.clip(mean[nx:], self._lower, self._upper)
+        mean[nx:] = np.clip(mean[nx:], *self._bounds.T)
         return Belief(mean=mean, root=after.root), likelihood
 
     def outputs(self, x: Array, p: Array, newest: Array) -> Array:
@@ -126,14 +133,16 @@ class Flow:
         nx, v, t = self.stage.interpolation.states, self._v, np.array([time])
         x, p = belief.mean[:nx], belief.mean[nx:]
         for _ in range(STEPS):
-            F, F_v, F_xp, g, g_v, g_xp = self._instant(v, x, u, p, t)
+            F, F_v, F_xp, F_w, g, g_v, g_xp = self._instant(v, x, u, p, t)
             move = np.linalg.solve(F_v, -F[:, 0])
             v = v + move
             if np.all(np.abs(move) <= PRECISE * (1.0 + np.abs(v))):
                 break
         self._v = v if np.all(np.isfinite(v)) else self._v
-        J = g_xp - g_v @ np.linalg.solve(F_v, F_xp)
-        return Instant(g=g[:, 0].copy(), J=J, std=np.sqrt(np.sum((J @ belief.root) ** 2, axis=1)), rate=v[:nx])
+        of_F = g_v @ np.linalg.inv(F_v)
+        J, noise = g_xp - of_F @ F_xp, of_F @ F_w * self._force_std
+        std, noise = (np.sqrt(np.sum(e**2, axis=1)) for e in (J @ belief.root, noise))
+        return Instant(g=g[:, 0].copy(), J=J, std=std, noise=noise, rate=v[:nx])
 
     def _course(self, x: Array, p: Array, d: Array) -> tuple[Array, Array]:
         """The state at the end of a stage without residual force, and the derivatives of all balances there."""
@@ -149,7 +158,7 @@ class Flow:
 
 
 def _instant(stage: Stage, margins: Any) -> Any:
-    """(v = [x'; z], x, u, p, t) -> F, F_v, F_xp, g, g_v, g_xp, all without residual forces."""
+    """(v = [x'; z], x, u, p, t) -> F, F_v, F_xp, F_w, g, g_v, g_xp, all without residual forces."""
     dae = stage.dae
     p = ca.SX.sym("p", len(stage.free))
     values = ca.SX(ca.DM(stage.fixed))
@@ -157,5 +166,6 @@ def _instant(stage: Stage, margins: Any) -> Any:
         values[i] = p[k]
     v, xp = ca.vertcat(dae.dx, dae.z), ca.vertcat(dae.x, p)
     F, g = (ca.substitute(dae.undisturbed(e), dae.p, values) for e in (dae.residual, margins))
-    parts = [F, ca.jacobian(F, v), ca.jacobian(F, xp), g, ca.jacobian(g, v), ca.jacobian(g, xp)]
+    F_w = ca.substitute(dae.undisturbed(ca.jacobian(dae.residual, dae.w[list(stage.soft)])), dae.p, values)
+    parts = [F, ca.jacobian(F, v), ca.jacobian(F, xp), F_w, g, ca.jacobian(g, v), ca.jacobian(g, xp)]
     return ca.Function("instant", [v, dae.x, dae.u, p, dae.t], [ca.densify(e) for e in parts], {"cse": True})
