@@ -16,7 +16,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import logsumexp, ndtr
+from scipy.special import logsumexp, ndtr, ndtri
 
 from backsight.ocp.moving.belief import Belief, Flow
 
@@ -25,6 +25,7 @@ Phase = tuple[int, ...]
 
 SCAN = int(__import__("os").environ.get("SCAN","10"))
 MASS = float(__import__("os").environ.get("MASS","1e-5"))  # probability below which an event is not followed: rarer than a sample in an hour at 20 Hz
+SMALLEST = 1e-200  # probability that a floating-point number still tells from none, with its square
 LEAST = 1e-6  # of a sampling interval: shorter ones are not integrated
 MEMORY = 100  # changes of a hypothesis that are kept
 CHANGES = 4  # of a hypothesis within a sampling interval, at most: sampled data tell nothing of more
@@ -113,9 +114,8 @@ class Bank:
             if many or fall <= 0.0:
                 continue
             cut = Cut(float(start.g[i]), fall, float(stop.std[i]), float(stop.noise[i]))
-            before = 0.0 if h.just == law or start.std[i] == 0.0 else float(ndtr(-start.g[i] / start.std[i]))
-            mass = min(cut.mass / max(1.0 - before, MASS), 1.0)
-            if min(mass, cut.mass) < MASS:
+            mass = cut.mass
+            if mass < MASS:
                 continue
             left += self._left(replace(h, weight=stays + np.log(mass)), time, interval, i, cut, beyond[i])
             stays += np.log1p(-min(mass, 1.0 - 1e-15))
@@ -186,16 +186,20 @@ class Cut:
     """
 
     def __init__(self, margin: float, fall: float, std: float, noise: float) -> None:
-        self.fall, self._std = fall, max(std, LEAST * fall)
-        self._whole = np.hypot(self._std, noise)
-        a, b = -margin / self._std, (fall - margin) / self._whole
-        self.mass = float(ndtr(b) - ndtr(a)) if a < 0 else float(ndtr(-a) - ndtr(-b))
-        if self.mass < MASS:
-            self.mass = 0.0
+        self._std = max(std, LEAST * fall)
+        self.fall, self._whole = fall, float(np.hypot(self._std, noise))
+        a, b = -margin / self._whole, (fall - margin) / self._whole
+        a = float(ndtri((self._std / self._whole) ** 2 * ndtr(a))) if noise else a
+        part, lasted = (float(ndtr(b) - ndtr(a)) if a < 0 else float(ndtr(-a) - ndtr(-b))), float(ndtr(-a))
+        self.mass = part / lasted if lasted > SMALLEST else 1.0
+        if part < SMALLEST:
+            self.mass, self.share, self._mean, self._square = round(self.mass), LEAST, 0.0, 1.0
+            self._part = 0.0
             return
         at_a, at_b = (np.exp(-(e**2) / 2) / np.sqrt(2 * np.pi) for e in (a, b))
-        self._mean = float(at_a - at_b) / self.mass  # and mean square of those that end, from `margin` and over the deviation of all
-        self._square = 1.0 + float(a * at_a - b * at_b) / self.mass
+        self._mean = float(at_a - at_b) / part  # and mean square of those that end, from `margin` and over the deviation of all
+        self._square = 1.0 + float((a * at_a if np.isfinite(a) else 0.0) - b * at_b) / part
+        self._part = part
         self.share = float(np.clip((margin + self._whole * self._mean) / fall, LEAST, 1.0))
 
     def ends(self, move: float) -> tuple[float, float]:
@@ -204,9 +208,9 @@ class Cut:
 
     def rest(self) -> tuple[float, float]:
         """The same for those that do not end."""
-        left = max(1.0 - self.mass, MASS)
-        mean = -self._mean * self.mass / left
-        return self._without(self._whole * mean, (1.0 - self.mass * self._square) / left - mean**2)
+        left = max(1.0 - self._part, MASS)
+        mean = -self._mean * self._part / left
+        return self._without(self._whole * mean, (1.0 - self._part * self._square) / left - mean**2)
 
     def _without(self, move: float, variance: float) -> tuple[float, float]:
         """Of a sum of which the variance becomes a part of what it was, the summand that has the variance std^2."""
