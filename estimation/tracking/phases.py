@@ -5,11 +5,10 @@
     now.phases["bit"].stuck, now.phases["bit"].since           # probability; s
 
 A rounded sign creeps where a body stands still, and does not know that a velocity which reaches zero stays there. Here each phase has
-equations of its own without rounding, and the moving horizon is one sampling interval long, but several run side by side, one for each
-likely history of the phases (`hypotheses.py`). What they know of states and parameters is linearised about their own mean.
-
-Interacting models with state-dependent transitions: C. E. Seah & I. Hwang, IEEE Trans. Aerospace and Electronic Systems 45, 2009; the
-instants as conditions that hold exactly are our own.
+equations of its own without rounding, and the horizon is one sampling interval long, but several run side by side, one for each likely
+history of the phases (`hypotheses.py`): an interacting multiple-model filter of which the transitions depend on the state (C. E. Seah & I.
+Hwang, IEEE Trans. Aerospace and Electronic Systems 45, 2009), and not on a clock. All is linearised about the mean of a hypothesis, so the
+parameters should be known to some 20 %.
 """
 
 from __future__ import annotations
@@ -21,40 +20,29 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from scipy.special import logsumexp
 
 from backsight.models.errors import InputError
-from backsight.models.simulation.phases import Phases
-from backsight.ocp.moving.belief import Belief, Flow
-from backsight.ocp.moving.stage import Stage
+from backsight.ocp.moving.belief import Belief, triangular_root
 
-from ..problem import Free, Problem
+from ..problem import Problem
 from ..recordings.gaps import gap_limit
-from ..recordings.recording import Recording
-from ..smoothing.horizons import output_stds
+from .cut import LEAST
 from .driven import Driven
 from .estimate import Sample
-from .hypotheses import LEAST, Bank, Hypothesis, Interval, Phase, edges
+from .hypotheses import Bank, Hypothesis, Interval, edges
+from .phase_models import PhaseModels
 from .tuning import tuned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-HYPOTHESES = 6  # at most: with 5 the drillstring loses nothing below 3 mA of noise, with 30 it gains nothing
-WIDE = 2.0  # prior of a parameter of which only a guess is given, over that guess, as in `estimator.py`
-UNKNOWN = 10.0  # prior of a state of which nothing is known, over its nominal size: hypotheses are compared by what they predict
-DEGREE = 2  # of the polynomials in a stage
-FINEST, ACCURATE, LOOKED_AT = (
-    16,
-    0.1,
-    40,
-)  # stages between two samples at most; what they may miss, over the noise; rows where that is judged
+HYPOTHESES = 12  # at most: as many changes as may still be in doubt, one for each of the last samples
 
 
 @dataclass(frozen=True, kw_only=True)
 class LawPhase:
     """Probabilities that a law sticks, slides forwards or backwards, and since when [s] it is in the most probable phase.
 
-    since: the last change of the most probable hypothesis, NaN where it has seen none.
+    since: by the most probable hypothesis that has it there, -inf where it was so from the start.
     """
 
     stuck: float
@@ -72,7 +60,7 @@ class LawPhase:
 class PhaseEstimate:
     """Of the newest time [s]: phases of the laws, by component; states and parameters of all hypotheses together, with std [SI].
 
-    hypotheses: how many are followed; surprise: minus twice the logarithm of the sample's likelihood less the noise's constant.
+    hypotheses: how many are followed. seconds: that the estimate took.
     """
 
     time: float
@@ -95,8 +83,8 @@ class PhaseEstimator:
     """Phases, states and parameters from a stream of samples.
 
     problem: `weights.W` names the places with a residual force, the other equations hold exactly; without any they are found from the
-    leading rows (`tuning.py`). hypotheses: on the past, at most. Outputs that look at accelerations are left out. Raises InputError for a
-    model without a law that sticks.
+    leading rows (`tuning.py`). hypotheses: on the past, at most. Raises InputError for a model without a law that sticks and for an output
+    that reads a force at once. There is no test for outliers, and a late sample is left out.
     """
 
     def __init__(self, problem: Problem, *, hypotheses: int = HYPOTHESES, progress: Callable[[str], None] | None = None) -> None:
@@ -104,22 +92,13 @@ class PhaseEstimator:
             raise InputError(f"PhaseEstimator(hypotheses={hypotheses}): sticking and sliding are two; needs 2 at least.")
         settled = problem if problem.weights.W else tuned(problem, progress or (lambda _: None)).asked
         self.problem = posed = settled.posed
-        dae, first = posed.dae, posed.fitted[0]
-        self._phases = Phases(dae, posed.values)
-        self.laws = self._phases.names
-        if not self.laws:
-            raise InputError(f"PhaseEstimator: {dae.name} has no friction law that sticks; Estimator follows it.")
-        self._free, self._soft = posed.free, tuple(k for k, place in enumerate(dae.places) if place.name in posed.weights.W)
-        self._force_std = np.array([posed.weights.W[dae.places[k].name] for k in self._soft])
-        stds = output_stds(posed)[0][0]
-        self._scales = np.array([1.0 / stds[q.name] if q.name in stds else 0.0 for q in dae.outputs])
-        self._outputs, self._inputs = tuple(q.name for q in dae.outputs), tuple(q.name for q in dae.inputs)
-        self.names = (*(q.name for q in dae.states), *(dae.parameters[i].name for i in self._free))
+        self._models, first = PhaseModels(posed), posed.fitted[0]
+        self.laws, self._scales = self._models.phases.names, self._models.scales
+        self._outputs, self._inputs = (tuple(q.name for q in infos) for infos in (posed.dae.outputs, posed.dae.inputs))
+        self.names = (*(q.name for q in posed.dae.states), *(posed.dae.parameters[i].name for i in posed.free))
+        self.sampling, self._gap, self.stages = first.sampling, gap_limit(first), self._models.stages(first)
         self._driven = Driven(len(self._inputs), first.hold)
-        self.sampling, self._gap = first.sampling, gap_limit(first)
-        self._flows: dict[Phase, tuple[Flow, tuple[int, ...], tuple[int, ...]]] = {}
-        self._bank = Bank(self._flow, hypotheses, self.sampling)
-        self.stages = self._stages(first)
+        self._bank = Bank(self._models.moving, hypotheses, self.sampling)
         self.newest: float | None = None
         self.estimate: PhaseEstimate | None = None
 
@@ -132,7 +111,7 @@ class PhaseEstimator:
         if self.newest is not None and self.estimate is not None and sample.time <= self.newest + LEAST * self.sampling:
             return self.estimate
         if self.newest is None or sample.time - self.newest > self._gap:
-            self._begin(sample.time)
+            self._begin()
             self._driven.put(sample.time, inputs)
         else:
             self._driven.put(sample.time, inputs)
@@ -140,9 +119,8 @@ class PhaseEstimator:
             self._driven.forget(sample.time)
         self.newest = sample.time
         there = np.isfinite(read) & (self._scales > 0)
-        self._bank.sampled(
-            np.concatenate([[sample.time], self._driven.last, np.where(there, read, 0.0), np.where(there, self._scales, 0.0)])
-        )
+        seen, scales = np.where(there, read, 0.0), np.where(there, self._scales, 0.0)
+        self._bank.sampled(np.concatenate([[sample.time], self._driven.last, seen, scales]))
         self.estimate = self._read(sample.time, began)
         return self.estimate
 
@@ -177,103 +155,38 @@ class PhaseEstimator:
         )
 
     def _phase(self, law: int, time: float) -> LawPhase:
-        share = {s: sum(np.exp(h.weight) for h in self._bank.hypotheses if h.phase_at(time)[law] == s) for s in (0, 1, -1)}
+        likely = self._bank.hypotheses
+        share = {s: float(sum(np.exp(h.weight) for h in likely if h.phase_at(time)[law] == s)) for s in (0, 1, -1)}
         most = max(share, key=lambda s: share[s])
-        best = next(h for h in self._bank.hypotheses if h.phase_at(time)[law] == most)
-        return LawPhase(stuck=float(share[0]), forwards=float(share[1]), backwards=float(share[-1]), since=_since(best, law, time))
+        since = next(h.since(law, time) for h in likely if h.phase_at(time)[law] == most)
+        return LawPhase(stuck=share[0], forwards=share[1], backwards=share[-1], since=since)
 
     # ---- what goes in
 
     def _numbers(self, start: float, end: float) -> list[Array]:
         """Of the stages between two times."""
         count = max(1, int(np.ceil(self.stages * (end - start) / self.sampling - LEAST)))
-        return [self._stage_numbers(a, b) for a, b in edges(start, end, count)]
-
-    def _stage_numbers(self, start: float, end: float) -> Array:
-        nothing = np.zeros(len(self._outputs))
-        return np.concatenate([[end - start, start], self._driven.over(start, end), nothing, 1 / self._force_std, nothing])
+        return [self._models.numbers(self._driven, a, b) for a, b in edges(start, end, count)]
 
     def _input(self, time: float) -> Array:
         """What acts just before a time, or, at the first one that is still needed, just after it."""
         before = max(time - LEAST * self.sampling, self._driven.times[0])
         return self._driven.over(before, before + LEAST * self.sampling)[len(self._inputs) :]
 
-    def _flow(self, phase: Phase) -> tuple[Flow, tuple[int, ...], tuple[int, ...]]:
-        """The model in a phase, made when it is first asked for."""
-        if phase not in self._flows:
-            posed, within = self.problem, self._phases.within(phase)
-            stage = Stage(within.dae, self._free, posed.values, self._soft, DEGREE)
-            bounds = np.array([posed.parameter_range(i) for i in self._free]).reshape(-1, 2)
-            flow = Flow(stage, within.margins, bounds, self._force_std / np.sqrt(self.sampling))
-            self._flows[phase] = flow, within.of, within.beyond
-        return self._flows[phase]
-
-    def _begin(self, time: float) -> None:
+    def _begin(self) -> None:
         """Every combination of phases is equally likely; what was learnt of the parameters stays."""
-        first, before = self._first(), self._bank.hypotheses
+        first, before = self._models.first(), self._bank.hypotheses
         if before:
             nx, mean, root = len(self.problem.dae.states), first.mean.copy(), first.root.copy()
             mean[nx:], root[nx:] = before[0].belief.mean[nx:], 0.0
-            root[nx:, nx:] = np.linalg.qr(before[0].belief.root[nx:].T, mode="r").T
+            root[nx:, nx:] = triangular_root(before[0].belief.root[nx:])
             first = Belief(mean=mean, root=root)
         self._driven.clear()
-        found = []
-        for phase in product((0, 1, -1), repeat=len(self.laws)):
-            belief = self._resting(first, phase)
-            found.append(Hypothesis(phase=phase, belief=belief, weight=-float(np.log(3.0)) * len(self.laws), changes=((-np.inf, phase),)))
-        self._bank.hypotheses = found
-
-    def _resting(self, belief: Belief, phase: Phase) -> Belief:
-        """With the velocities of the laws that stick at zero."""
-        sliding = self._flow(tuple(1 for _ in phase))[0]
-        for k in (k for k, s in enumerate(phase) if s == 0):
-            here = sliding.at(belief, np.zeros(len(self._inputs)), 0.0)
-            belief = belief.reshaped(here.J[k], -float(here.g[k]), 0.0)
-        return belief
-
-    def _first(self) -> Belief:
-        """What is known before the first sample."""
-        posed, dae = self.problem, self.problem.dae
-        reference, std = np.zeros((2, len(self.names)))
-        for i, q in enumerate(dae.states):
-            if q.name in posed.start:
-                reference[i], std[i] = posed.start[q.name].value, posed.start[q.name].std
-            elif q.name in posed.varying:
-                reference[i], std[i] = _guessed(posed.varying[q.name], q.nominal)
-            else:
-                reference[i], std[i] = q.start, UNKNOWN * q.nominal
-        for k, i in enumerate(self._free, len(dae.states)):
-            given = posed.parameters[dae.parameters[i].name]
-            if isinstance(given, Free):
-                reference[k], std[k] = _guessed(given, dae.parameters[i].nominal)
-        return Belief(mean=reference, root=np.diag(std))
-
-    def _stages(self, recording: Recording) -> int:
-        """Stages between two samples with which no output is wrong by more than ACCURATE of its noise, all laws sliding, under its inputs."""
-        flow = self._flow(tuple(1 for _ in self.laws))[0]
-        first = self._first().mean
-        rows = min(LOOKED_AT, len(recording.time) - 1)
-        table = np.column_stack([recording.inputs[name] for name in self._inputs]) if self._inputs else np.zeros((rows + 1, 0))
-        for k in range(rows + 1):
-            self._driven.put(float(recording.time[k]), table[k])
-        last = np.concatenate([np.zeros(len(self._inputs)), np.zeros(len(self._outputs)), self._scales])
-
-        def ends(count: int) -> Array:
-            found, x = [], first[: len(self.problem.dae.states)]
-            for k in range(rows):
-                for a, b in edges(float(recording.time[k]), float(recording.time[k + 1]), count):
-                    x = flow.end(x, first[len(x) :], self._stage_numbers(a, b))
-                found.append(flow.outputs(x, first[len(x) :], np.concatenate([recording.time[k + 1 : k + 2], last])))
-            return np.array(found)
-
-        count, coarse = 1, ends(1)
-        while count < FINEST:
-            fine = ends(2 * count)
-            if np.abs(fine - coarse).max(initial=0.0) <= ACCURATE:
-                break
-            count, coarse = 2 * count, fine
-        self._driven.clear()
-        return count
+        phases = list(product((0, 1, -1), repeat=len(self.laws)))
+        self._bank.hypotheses = [
+            Hypothesis(phase=s, belief=self._models.resting(first, s), weight=-float(np.log(len(phases))), changes=((-np.inf, s),))
+            for s in phases
+        ]
 
 
 def follow_phases(problem: Problem, *, hypotheses: int = HYPOTHESES) -> dict[str, pd.DataFrame]:
@@ -298,22 +211,6 @@ def follow_phases(problem: Problem, *, hypotheses: int = HYPOTHESES) -> dict[str
             rows.append(row)
         found[recording.name] = pd.DataFrame(rows)
     return found
-
-
-def _since(h: Hypothesis, law: int, time: float) -> float:
-    """When a law entered the phase that it has at a time."""
-    past = [(start, phase[law]) for start, phase in h.changes if start <= time]
-    since = past[-1][0]
-    for start, phase in reversed(past):
-        if phase != past[-1][1]:
-            break
-        since = start
-    return float(since) if np.isfinite(since) else float("nan")
-
-
-def _guessed(given: Free, nominal: float) -> tuple[float, float]:
-    """First value and its deviation."""
-    return given.guess, given.std or WIDE * (abs(given.guess) or nominal)
 
 
 def _vector(given: Mapping[str, float], names: tuple[str, ...], what: str) -> Array:

@@ -1,7 +1,7 @@
 """The equations of a model while each of its friction laws sticks or slides one way: smooth, without any rounding.
 
-    slides forwards (+1), backwards (-1)     psi = psi(+inf), psi(-inf)                                    margin  +v, -v
-    sticks (0)                               psi = psi(0) + (max psi - min psi) lambda,  d v/dt = 0        margins  high - lambda, lambda - low
+    slides forwards (+1), backwards (-1)     psi = psi(+inf), psi(-inf)                                margin  +v, -v
+    sticks (0)                               psi = psi(0) + (max psi - min psi) lambda,  d v/dt = 0    margins  high - lambda, lambda - low
 
 psi is what the law makes of the sign of its velocity v (`switches.py`: a switch that holds); lambda is an algebraic variable,
 `<law>.hold`. A phase lasts as long as its margins are positive. Parameters stay symbols, also those of the levels.
@@ -79,21 +79,20 @@ class Phases:
 
     def within(self, phase: Sequence[int]) -> InPhase:
         """The model while every law is in its phase: +1, -1 or 0."""
-        dae, psi = self._dae, list[SX]()
-        margins, of, beyond, holds, rows = list[SX](), list[int](), list[int](), list[tuple[SX, Quantity]](), list[tuple[SX, EquationInfo]]()
+        dae, psi, margins = self._dae, list[SX](), list[tuple[SX, int, int]]()
+        holds, rows = list[tuple[SX, Quantity]](), list[tuple[SX, EquationInfo]]()
         for k, (law, way) in enumerate(zip(self.laws, phase, strict=True)):
             v = law.velocity
             if way:
                 psi += law.sliding(way)
-                margins, of, beyond = [*margins, way * v], [*of, k], [*beyond, -way]
-            else:
-                share = ca.SX.sym(f"{law.name}.hold")
-                psi += law.held(share)
-                holds.append((share, Quantity(name=f"{law.name}.hold", unit="1", description="share of the law's range that holds at rest")))
-                rate = ca.jacobian(v, dae.x) @ dae.dx + ca.jacobian(v, dae.t)
-                rows.append((rate, EquationInfo(name="at rest", component=law.name, origin=f"{law.name}: its velocity stays zero")))
-                low, high, way_up = law.bounds
-                margins, of, beyond = [*margins, high - share, share - low], [*of, k, k], [*beyond, way_up, -way_up]
+                margins.append((way * v, k, -way))
+                continue
+            share, (low, high, up) = ca.SX.sym(f"{law.name}.hold"), law.bounds
+            psi += law.held(share)
+            margins += [(high - share, k, up), (share - low, k, -up)]
+            holds.append((share, Quantity(name=f"{law.name}.hold", unit="1", description="share of the law's range that holds")))
+            rate = ca.jacobian(v, dae.x) @ dae.dx + ca.jacobian(v, dae.t)
+            rows.append((rate, EquationInfo(name="at rest", component=law.name, origin=f"{law.name}: its velocity stays zero")))
         symbols = [symbol for law in self.laws for symbol, _ in law.parts]
 
         def put(expression: SX) -> SX:
@@ -107,7 +106,8 @@ class Phases:
             algebraics=(*dae.algebraics, *(q for _, q in holds)),
             equations=(*dae.equations, *(info for _, info in rows)),
         )
-        return InPhase(dae=smooth, margins=put(ca.vertcat(*margins)), of=tuple(of), beyond=tuple(beyond))
+        g, of, beyond = zip(*margins, strict=True) if margins else ((), (), ())
+        return InPhase(dae=smooth, margins=put(ca.vertcat(*g)), of=of, beyond=beyond)
 
     def _law(self, name: str, members: Sequence[tuple[int, int]]) -> Law:
         """Several switches of one velocity hold together."""

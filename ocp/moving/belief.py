@@ -29,6 +29,11 @@ from .stage import Stage
 STEPS, PRECISE = 20, 1e-9  # Newton steps in a stage or at an instant, and the relative size of the last one
 
 
+def triangular_root(columns: Array) -> Array:
+    """L (n, n), lower triangular, with L L' = A A' for columns A (n, m), m >= n."""
+    return np.asarray(np.linalg.qr(columns.T, mode="r")).T
+
+
 @dataclass(frozen=True, kw_only=True)
 class Belief:
     """[x; p] ~ N(mean, root root'): mean (n,), root (n, n)."""
@@ -45,7 +50,7 @@ class Belief:
         """After g + J ([x; p] - mean) = e ~ N(0, I) (m,), and the logarithm of how likely that was but for (2 pi)^(-m/2)."""
         m, n = J.shape
         before = np.block([[np.eye(m), J @ self.root], [np.zeros((n, m)), self.root]])
-        after = np.linalg.qr(before.T, mode="r").T
+        after = triangular_root(before)
         S, K = after[:m, :m], after[m:, :m]
         e = np.linalg.solve(S, -g)
         likelihood = -0.5 * float(e @ e) - float(np.sum(np.log(np.abs(np.diag(S)))))
@@ -108,7 +113,7 @@ class Flow:
         root = np.zeros((n, n + noisy))
         root[:nx] = np.column_stack([moved[:, :n] @ belief.root, moved[:, n:]])
         root[nx:, :n] = belief.root[nx:]
-        return Belief(mean=np.concatenate([end, belief.mean[nx:]]), root=np.linalg.qr(root.T, mode="r").T)
+        return Belief(mean=np.concatenate([end, belief.mean[nx:]]), root=triangular_root(root))
 
     def sampled(self, belief: Belief, newest: Array) -> tuple[Belief, float]:
         """After a sample with the numbers `newest`, and the logarithm of its likelihood but for a constant."""
