@@ -25,7 +25,7 @@ from scipy.special import logsumexp, ndtr
 
 from backsight.ocp.moving.belief import Belief, Flow, triangular_root
 
-from .cut import LEAST, Cut
+from .cut import LEAST, SMALLEST, Cut
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Phase = tuple[int, ...]
@@ -34,6 +34,7 @@ MASS = 1e-4  # of the likeliest hypothesis: what is less is not followed; an eve
 LATELY = 10  # samples; a change has shown in the outputs by then, or its instant matters no more
 MEMORY = 100  # changes of a hypothesis that are kept
 CHANGES = 4  # of a hypothesis within a sampling interval, at most: sampled data tell nothing of more
+EVEN = np.sqrt(12.0)  # width of an even distribution over its deviation
 
 
 class Moving(NamedTuple):
@@ -125,18 +126,18 @@ class Bank:
         first, last = flow.at(h.belief, interval.input(time), time), flow.at(end, interval.input(interval.end), interval.end)
         stays, left = h.weight, list[tuple[Hypothesis, float]]()
         for i in range(len(of)) if sum(at > interval.start for at, _ in h.changes) < CHANGES else ():
-            fall = float(first.g[i] - last.g[i])
-            if fall <= 0.0:
-                continue
-            cut = Cut(margin=float(first.g[i]), fall=fall, std=float(last.std[i]), noise=float(last.noise[i]))
+            fall, std, noise = float(first.g[i] - last.g[i]), float(last.std[i]), float(last.noise[i])
+            cut = Cut(margin=float(first.g[i]), fall=fall, std=std, noise=noise)
             if cut.mass >= MASS:
-                left += self._left(replace(h, weight=stays + np.log(cut.mass)), time, interval, i, cut, beyond[i])
+                left += self._left(replace(h, weight=stays + np.log(cut.mass)), time, interval, i, cut, fall, beyond[i])
                 stays += np.log(max(1.0 - cut.mass, LEAST * MASS))
                 end = end.reshaped(last.J[i], *cut.rest())
         return [replace(h, belief=end, weight=stays)] if stays >= h.weight + np.log(MASS) else [], left
 
-    def _left(self, h: Hypothesis, time: float, interval: Interval, i: int, cut: Cut, beyond: int) -> list[tuple[Hypothesis, float]]:
-        """What follows when margin i ends on the way to the end of the interval; the law then goes `beyond` or is held."""
+    def _left(
+        self, h: Hypothesis, time: float, interval: Interval, i: int, cut: Cut, fall: float, beyond: int
+    ) -> list[tuple[Hypothesis, float]]:
+        """What follows when margin i ends, which falls so much until the end of the interval; the law then goes `beyond` or is held."""
         flow, of, _ = self._model(h.phase)
         law, span = of[i], interval.end - time
         at = time + cut.share * span
@@ -144,13 +145,14 @@ class Bank:
         old = flow.at(here, u, at)
         here = here.reshaped(old.J[i], *cut.ends(-float(old.g[i])))
         old = flow.at(here, u, at)
+        rate = -max(fall, EVEN * float(old.std[i]), SMALLEST) / span  # what noise ended, did so within the interval
 
         def into(s: int) -> tuple[Hypothesis, float]:
             """The law in its phase s, and the probability that its margins allow that."""
             phase = (*h.phase[:law], s, *h.phase[law + 1 :])
             other, of_other, _ = self._model(phase)
             new = other.at(here, u, at)
-            belief, allowed = here.switched(new.rate - old.rate, old.J[i], -cut.fall / span), 1.0
+            belief, allowed = here.switched(new.rate - old.rate, old.J[i], rate), 1.0
             if s == 0:
                 belief = belief.reshaped(old.J[i], 0.0, 0.0)
                 shares = [ndtr(g / std) if std else float(g > 0) for g, std, k in zip(new.g, new.std, of_other, strict=True) if k == law]
