@@ -21,7 +21,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp, ndtr
+from scipy.special import ndtr
 
 from backsight.ocp.moving.belief import Belief, Flow, triangular_root
 
@@ -116,7 +116,7 @@ class Bank:
             alike.setdefault((h.phase, *recent), []).append(h)
         merged = sorted((_merged(group) for group in alike.values()), key=lambda h: -h.weight)
         kept = [h for h in merged[: self.keep] if h.weight >= np.log(MASS) + merged[0].weight]
-        total = logsumexp([h.weight for h in kept])
+        total = np.logaddexp.reduce([h.weight for h in kept])
         return [replace(h, weight=float(h.weight - total)) for h in kept]
 
     def _followed(self, h: Hypothesis, time: float, interval: Interval) -> tuple[list[Hypothesis], list[tuple[Hypothesis, float]]]:
@@ -185,7 +185,7 @@ def _merged(group: list[Hypothesis]) -> Hypothesis:
     best = max(group, key=lambda h: h.weight)
     if len(group) == 1:
         return best
-    total = float(logsumexp([h.weight for h in group]))
+    total = float(np.logaddexp.reduce([h.weight for h in group]))
     shares, beliefs = np.exp([h.weight - total for h in group]), [h.belief for h in group]
     mean = np.asarray(sum(w * b.mean for w, b in zip(shares, beliefs, strict=True)))
     columns = [np.sqrt(w) * np.column_stack([b.root, b.mean - mean]) for w, b in zip(shares, beliefs, strict=True)]

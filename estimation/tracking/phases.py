@@ -14,7 +14,7 @@ parameters should be known to some 20 %.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -31,7 +31,6 @@ from .driven import Driven
 from .estimate import Sample
 from .hypotheses import Bank, Hypothesis, Interval, edges
 from .phase_models import PhaseModels
-from .tuning import tuned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -82,16 +81,19 @@ class PhaseEstimate:
 class PhaseEstimator:
     """Phases, states and parameters from a stream of samples.
 
-    problem: `weights.W` names the places with a residual force, the other equations hold exactly; without any they are found from the
-    leading rows (`tuning.py`). hypotheses: on the past, at most. Raises InputError for a model without a law that sticks and for an output
-    that reads a force at once. There is no test for outliers, and a late sample is left out.
+    problem: `weights.W` names the places with a residual force, the other equations hold exactly. hypotheses: on the past, at most. Raises
+    InputError without any W, for a model without a law that sticks and for an output that reads a force at once. There is no test for
+    outliers, and a late sample is left out.
     """
 
-    def __init__(self, problem: Problem, *, hypotheses: int = HYPOTHESES, progress: Callable[[str], None] | None = None) -> None:
+    def __init__(self, problem: Problem, *, hypotheses: int = HYPOTHESES) -> None:
         if hypotheses < 2:
             raise InputError(f"PhaseEstimator(hypotheses={hypotheses}): sticking and sliding are two; needs 2 at least.")
-        settled = problem if problem.weights.W else tuned(problem, progress or (lambda _: None)).asked
-        self.problem = posed = settled.posed
+        if not problem.weights.W:
+            raise InputError(
+                "PhaseEstimator: needs weights.W, the room for residual forces: where a body sticks and slips, the samples do not tell it."
+            )
+        self.problem = posed = problem.posed
         self._models, first = PhaseModels(posed), posed.fitted[0]
         self.laws, self._scales = self._models.phases.names, self._models.scales
         self._outputs, self._inputs = (tuple(q.name for q in infos) for infos in (posed.dae.outputs, posed.dae.inputs))

@@ -142,6 +142,8 @@ def test_what_makes_no_sense_is_refused() -> None:
     recording, _ = drilled(8, 1e-3, rows=30)
     with pytest.raises(InputError, match="needs 2 at least"):
         PhaseEstimator(posed(recording), hypotheses=1)
+    with pytest.raises(InputError, match=r"needs weights\.W"):
+        PhaseEstimator(Problem(model=drillstring(), recordings=[recording]))
     estimator = PhaseEstimator(posed(recording))
     with pytest.raises(InputError, match="no input 'F'"):
         estimator.update(Sample(time=0.0, inputs={"F": 1.0}))
