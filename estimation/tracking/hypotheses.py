@@ -71,10 +71,14 @@ class Hypothesis:
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """Between two samples: numbers of the stages from a time to another, and the input (nu,) just before a time."""
+    """Between two samples: numbers of the stages from a time to another, and the input (nu,) just before a time.
+
+    before: the input that acted just before the start; `input` says there what acts just after it.
+    """
 
     start: float
     end: float
+    before: Array
     stages: Callable[[float, float], Sequence[Array]]
     input: Callable[[float], Array]
 
@@ -124,10 +128,14 @@ class Bank:
         flow, of, beyond = self._model(h.phase)
         end = _moved(flow, h.belief, time, interval.end, interval)
         first, last = flow.at(h.belief, interval.input(time), time), flow.at(end, interval.input(interval.end), interval.end)
+        jump = np.zeros(len(of))
+        if time == interval.start and 0 in h.phase:  # what holds a body steps with the input
+            after, first = first, flow.at(h.belief, interval.before, time)
+            jump = first.g - after.g
         stays, left = h.weight, list[tuple[Hypothesis, float]]()
         for i in range(len(of)) if sum(at > interval.start for at, _ in h.changes) < CHANGES else ():
             fall, std, noise = float(first.g[i] - last.g[i]), float(last.std[i]), float(last.noise[i])
-            cut = Cut(margin=float(first.g[i]), fall=fall, std=std, noise=noise)
+            cut = Cut(margin=float(first.g[i]), fall=fall, std=std, noise=noise, jump=float(jump[i]))
             if cut.mass >= MASS:
                 left += self._left(replace(h, weight=stays + np.log(cut.mass)), time, interval, i, cut, fall, beyond[i])
                 stays += np.log(max(1.0 - cut.mass, LEAST * MASS))
@@ -143,7 +151,7 @@ class Bank:
         at = time + cut.share * span
         u, here = interval.input(at), _moved(flow, h.belief, time, at, interval)
         old = flow.at(here, u, at)
-        here = here.reshaped(old.J[i], *cut.ends(-float(old.g[i])))
+        here = here.reshaped(old.J[i], *cut.ends(cut.left - float(old.g[i])))
         old = flow.at(here, u, at)
         rate = -max(fall, EVEN * float(old.std[i]), SMALLEST) / span  # what noise ended, did so within the interval
 

@@ -100,6 +100,7 @@ class PhaseEstimator:
         self.names = (*(q.name for q in posed.dae.states), *(posed.dae.parameters[i].name for i in posed.free))
         self.sampling, self._gap, self.stages = first.sampling, gap_limit(first), self._models.stages(first)
         self._driven = Driven(len(self._inputs), first.hold)
+        self._before: Array = self._driven.last
         self._bank = Bank(self._models.moving, hypotheses, self.sampling)
         self.newest: float | None = None
         self.estimate: PhaseEstimate | None = None
@@ -117,8 +118,10 @@ class PhaseEstimator:
             self._driven.put(sample.time, inputs)
         else:
             self._driven.put(sample.time, inputs)
-            self._bank.move(Interval(start=self.newest, end=sample.time, stages=self._numbers, input=self._input))
-            self._driven.forget(sample.time)
+            interval = Interval(start=self.newest, end=sample.time, before=self._before, stages=self._numbers, input=self._input)
+            self._bank.move(interval)
+        self._before = self._input(sample.time)
+        self._driven.forget(sample.time)
         self.newest = sample.time
         there = np.isfinite(read) & (self._scales > 0)
         seen, scales = np.where(there, read, 0.0), np.where(there, self._scales, 0.0)

@@ -52,6 +52,18 @@ def test_a_margin_that_rises_ends_by_its_noise_only() -> None:
     assert Cut(margin=0.2, fall=-0.1, std=1e-9, noise=0.5).mass == pytest.approx(norm.cdf(-0.3 / 0.5), rel=1e-6)
 
 
+def test_what_a_step_ends_ends_at_once_and_with_what_is_missing() -> None:
+    """A margin of 0.3 +- 0.2 that falls by 0.5 at once and by 0.1 on the way: nearly all ends in the step."""
+    cut = Cut(margin=0.3, fall=0.6, std=0.2, noise=0.0, jump=0.5)
+    inside = truncnorm(-1.5, 1.5, loc=0.3, scale=0.2)
+    assert cut.share < 1e-5
+    assert cut.left == pytest.approx(inside.mean() - 0.5, rel=1e-6)
+    late = Cut(margin=0.9, fall=0.6, std=0.2, noise=0.0, jump=0.1)
+    begun = truncnorm(-4.5, -1.5, loc=0.9, scale=0.2).mean()
+    assert late.left == 0.0
+    assert late.share == pytest.approx((begun - 0.1) / 0.5, rel=1e-6)
+
+
 def test_breakaway_of_a_load_that_grows_is_dated_as_samples_date_it() -> None:
     """A level of N(1, 0.1^2) under a load that grows by 0.02 a step, with 0.03 of noise anew in each: intervals chained as in a bank."""
     rng, steps = np.random.default_rng(1), np.arange(100)

@@ -7,11 +7,12 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from backsight.data import path
 from backsight.data.generators import drillstring as rig
 from backsight.data.generators.run import Conditions, disturbance
 from backsight.estimation import Free, PhaseEstimator, Problem, Recording, Sample, Weights, follow_phases
 from backsight.models import InputError
-from backsight.models.plants import drillstring
+from backsight.models.plants import actuator, drillstring
 
 STEP, TORQUE = 0.05, 2e-3
 UNSURE = {"string.k": 0.0868, "bha.J": 0.0529, "bit.tau_sl": 0.4, "bit.tau_st": 0.6}
@@ -72,6 +73,22 @@ def test_a_bit_that_never_stops_is_not_said_to() -> None:
     table = follow_phases(posed(recording))["drill"]
     assert np.mean(table["bit.stuck"] > 0.5) < 0.02
     assert table["bit.forwards"].iloc[-1] > 0.99
+
+
+def test_an_axis_is_held_by_the_force_that_steps_and_its_friction_comes_home() -> None:
+    """The bundled axis (20 N, offset -3 N) at 1 kHz: its force holds it or not from a sample on; the guess of 25 N is as good as none."""
+    columns = {"time": "t_s", "inputs": {"F": "F_N"}, "outputs": {"x": "x_m"}, "std": {"x": 1e-6}}
+    recording = Recording.read(path("axis_fit.csv.gz"), range=(0.0, 1.4), **columns)
+    parameters = {"carriage.m": 95.0, "friction.d": 200.0, "friction.f_c": Free(25), "offset.f": Free(0, std=5)}
+    problem = Problem(model=actuator(), recordings=[recording], parameters=parameters, weights=Weights(W={"carriage": 0.0126}))
+    table = follow_phases(problem)["axis_fit.csv.gz"]
+    for name, value in (("friction.f_c", 20.0), ("offset.f", -3.0)):
+        assert table[name].iloc[-1] == pytest.approx(value, abs=0.1)
+    told = np.sign(table["friction.forwards"] - table["friction.backwards"]).to_numpy()
+    turns = recording.time[1:][np.diff(told) != 0]
+    moving = np.gradient(recording.outputs["x"], recording.time)
+    assert np.mean(told[50:-50] == np.sign(np.convolve(moving, np.ones(9) / 9, "same"))[50:-50]) > 0.99
+    assert np.sum(turns > 0.05) <= 4
 
 
 def test_probabilities_are_those_of_a_particle_filter() -> None:
