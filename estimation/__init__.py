@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .study.study import Study
     from .tracking.estimate import Estimate, Sample
     from .tracking.estimator import Estimator
+    from .tracking.phases import LawPhase, PhaseEstimate, PhaseEstimator, follow_phases
     from .tracking.track import Tracking, track
     from .weighing.weigh import Weighing, weigh
 
@@ -53,6 +54,7 @@ _HOME = {
     "study.study": ("Study",),
     "tracking.estimate": ("Estimate", "Sample"),
     "tracking.estimator": ("Estimator",),
+    "tracking.phases": ("LawPhase", "PhaseEstimate", "PhaseEstimator", "follow_phases"),
     "tracking.track": ("Tracking", "track"),
     "weighing.weigh": ("Weighing", "weigh"),
 }
@@ -66,11 +68,14 @@ __all__ = [
     "Free",
     "InputColumn",
     "Known",
+    "LawPhase",
     "Modes",
     "Orders",
     "OutputColumn",
     "OutputFit",
     "ParameterEstimate",
+    "PhaseEstimate",
+    "PhaseEstimator",
     "Problem",
     "Profile",
     "Recording",
@@ -87,6 +92,7 @@ __all__ = [
     "armax",
     "compare",
     "filtered_least_squares",
+    "follow_phases",
     "harmonic",
     "multiple_models",
     "prediction_error",
