@@ -108,8 +108,8 @@ def _smoothed(problem: Problem, progress: Callable[[str], None]) -> _Found:
     solution = answer.solution
     if solution is None or not answer.solver.converged:
         raise InputError(
-            f"{problem.recordings[0].name}: its first rows cannot be smoothed ({answer.solver.status}), and the weights left open cannot be "
-            "found; give better guesses, or W of every place and V of every output."
+            f"{problem.recordings[0].name}: its first rows cannot be smoothed ({answer.solver.status}), and the weights left open cannot "
+            "be found; give better guesses, or W of every place and V of every output."
         )
     t = solution.transcription
     return _Found(
@@ -171,7 +171,7 @@ def _stages(posed: Problem, found: _Found, noise: Array, sampling: float) -> int
             now = state
             for k in range(count):
                 d = np.concatenate([[sampling / count, time + k * sampling / count], held, held, nothing])
-                now = predicted(now, np.empty(0), d)[0]
+                now = predicted(now, np.empty(0), d, stage.at_rest)[0]
             reached.append(np.asarray(h(now, held, found.parameters, time + sampling)).ravel())
         return np.array(reached)
 

@@ -46,28 +46,39 @@ class Window:
     scales are what they are without loss. known: of every knot what the stages before it tell, None where it was not asked yet.
     corner (ny,): where Huber's loss of an output begins [deviations]; SQUARES where it does not. faith (ny, k) and (ny,): of every
     sample TRUSTED, as a square all the same, DOUBTED, not at all for now, or ORDINARY. bounds: of the newest x and of p, each (n,).
+    reach (n,): how far a step may go that nothing tells, inf for any length.
     told: what all samples tell of the newest state and p; ahead: what they told of it before its own sample.
     """
 
     def __init__(
-        self, stage: Stage, length: int, known: Known, typical: Array, bounds: tuple[Array, Array], corner: Array, update: Update
+        self,
+        stage: Stage,
+        length: int,
+        known: Known,
+        typical: Array,
+        bounds: tuple[Array, Array],
+        corner: Array,
+        update: Update,
+        reach: Array | None = None,
     ) -> None:
         ip = stage.interpolation
         nx = ip.states
         self.stage, self.length, self.bounds, self.corner, self.update = stage, length, bounds, corner, update
+        self._reach = np.full(stage.size, np.inf) if reach is None else reach
         self.here = Trajectory(known.reference[:nx, None].copy(), np.empty((ip.interior, 0)), known.reference[nx:].copy())
         self.d, self.newest = np.empty((stage.numbers, 0)), np.zeros(stage.last.size1_in(2))
         self.faith, self.faith_newest = np.empty((len(corner), 0), dtype=np.int8), np.zeros(len(corner), dtype=np.int8)
         self.known: deque[Known | None] = deque([known])
         self.told = self.ahead = self._before = known
         self._passed = 0  # stages since the knot that `ahead` is of
-        y = np.concatenate([known.reference[:nx], np.zeros(ip.interior), known.reference])
+        y = np.concatenate([known.reference[:nx], stage.at_rest, known.reference])
         forward, backward, spread = stage.links((y, self.here.p, typical))
         self._spread = Called(spread)
         self._forward, self._forwards = Called(forward), Called(forward.mapaccum("forwards", length))
         self._backward, self._backwards = Called(backward), Called(backward.mapaccum("backwards", length))
         self._residual, self._residuals = Called(stage.residuals), Called(stage.residuals.map(length))
         self._last, self._rows, self._predicted = Called(stage.last), Called(stage.rows), Prediction(stage)
+        self._exact = stage.rows.size1_out(2)
 
     @property
     def count(self) -> int:
@@ -81,7 +92,7 @@ class Window:
         if self.count == self.length:
             self._leave()
         here = self.here
-        x, inner = self._predicted(here.x[:, -1], here.p, d)
+        x, inner = self._predicted(here.x[:, -1], here.p, d, here.inner[:, -1] if here.inner.shape[1] else self.stage.at_rest)
         self.here = Trajectory(np.column_stack([here.x, x]), np.column_stack([here.inner, inner]), here.p)
         self.d = np.column_stack([self.d, d])
         self.known.append(None)
@@ -155,10 +166,13 @@ class Window:
             step, promise = self._step(w, w_last)
             length, size = 1.0, float(np.sqrt(max(promise, 0.0)))
             while True:
-                there = self.here.moved(step, length)
-                e, last, open_ = self._errors(there, self.here.p)
-                now = self._cost(there, e, last, w, w_last)
-                if now <= cost - SUFFICIENT * length * promise or open_ < broken / 4 or size <= tolerance:
+                for way in (self.here.moved, self._rolled):
+                    there = way(step, length)
+                    e, last, open_ = self._errors(there, self.here.p)
+                    now = self._cost(there, e, last, w, w_last)
+                    if good := now <= cost - SUFFICIENT * length * promise or open_ < broken / 4 or size <= tolerance:
+                        break
+                if good:
                     break
                 length /= 2
                 if length < SHORTEST or not np.isfinite(promise):
@@ -171,6 +185,25 @@ class Window:
             if done.converged:
                 break
         return done
+
+    def _rolled(self, step: Trajectory, length: float) -> Trajectory:
+        """Some way along a step in the first state, p and the residual forces, the other states as the balances then have them.
+
+        Where balances are tight the cost rises steeply along the straight line of a good step, by what that leaves of their curves. Along
+        this curve they stay as the linear model has them (a second-order correction).
+        """
+        at, balances = self.here, self._predicted.balances
+        out = at.moved(step, length)
+        now, there, dy, nx, own = at.stages, out.stages, step.stages, len(at.x), self.stage.interpolation.local
+        for k in range(self.count):
+            e, J = balances(now[:, k], at.p, self.d[:, k])
+            wanted = e[:, 0] + length * (J @ dy[:, k])
+            wanted[: self._exact] = 0.0
+            y = there[:, k].copy()
+            y[:nx] = out.x[:, k]
+            y = self._predicted.solved(y, at.p, self.d[:, k], wanted)
+            out.inner[:, k], out.x[:, k + 1] = y[nx : own - nx], y[own - nx : own]
+        return out
 
     def _errors(self, at: Trajectory, p_ref: Array) -> tuple[Array, Array, float]:
         """e_s (m, k) of all stages and e (ny,) of the newest sample, without loss, and the squares of what is to be zero.
@@ -261,18 +294,32 @@ class Window:
         return np.hstack(all_roots), np.hstack(all_E), total
 
     def _bounded(self, Rd: Array, here: Array) -> Array:
-        """The step of the newest state and p that makes |R s + d| least, within their bounds; what R does not tell stays."""
-        R, d = Rd[:, :-1], Rd[:, -1]
-        size = _lengths(R)
-        if np.abs(np.diag(R) / size).min() > SINGULAR:
-            s = np.asarray(lapack.dtrtrs(R, -d)[0])
-        else:
-            s = np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size
+        """The step of the newest state and p that makes |R s + d| least, within their bounds; what R does not tell stays.
+
+        Where it would go beyond the reach, what R tells less well than to that holds still: a proximal point (R. T. Rockafellar, SIAM J.
+        Control Optim. 14, 1976), which stays away from where the linear model says nothing and leaves the solution where it is.
+        """
+        s = self._unbounded(Rd)
+        if np.any(np.abs(s) > self._reach):
+            near = np.column_stack([np.diag(1 / self._reach), np.zeros(len(Rd))])
+            Rd = np.asarray(np.linalg.qr(np.vstack([Rd, near]), mode="r"), dtype=np.float64)[: len(Rd)]
+            s = self._unbounded(Rd)
         lower, upper = self.bounds[0] - here, self.bounds[1] - here
         if np.all(s >= lower) and np.all(s <= upper):
             return s
-        found = lsq_linear(R / size, -d, bounds=(np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size), method="bvls")
+        size = _lengths(Rd[:, :-1])
+        lower, upper = np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size
+        found = lsq_linear(Rd[:, :-1] / size, -Rd[:, -1], bounds=(lower, upper), method="bvls")
         return np.asarray(found.x / size)
+
+    @staticmethod
+    def _unbounded(Rd: Array) -> Array:
+        """The least squares solution of R s + d = 0, the shortest one."""
+        R, d = Rd[:, :-1], Rd[:, -1]
+        size = _lengths(R)
+        if np.abs(np.diag(R) / size).min() > SINGULAR:
+            return np.asarray(lapack.dtrtrs(R, -d)[0])
+        return np.asarray(np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size)
 
     def doubt(self, surprise: Array, gate: float) -> None:
         """Leave out the newest samples whose surprise (ny,) is greater, until `review` finds otherwise."""
