@@ -34,6 +34,7 @@ from .latency import Latency
 from .layout import Found, Layout
 from .readings import Readings
 from .room import Room
+from .settled import settled
 from .tuning import Tuning, tuned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -41,6 +42,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 SAMPLES = 50  # of a window that nobody gave
 ITERATIONS = 10  # Gauss-Newton steps for a sample, at most
 TOLERANCE = 1e-3  # standard deviations: what the last one may still move
+USABLE = 0.3  # standard deviations: where all steps are used up and the last one moved no more than this, the estimate serves
 WIDE = 2.0  # prior of a parameter of which only a guess is given, over that guess: few samples do not carry it away
 EXACT = 1e-9  # of a state's nominal size: what is known exactly
 SAME = 1e-6  # of the sampling interval: times that are one
@@ -85,7 +87,7 @@ class Estimator:
             [[t.sampling / t.stages, 0.0], np.ones(2 * len(self._inputs)), np.zeros(len(scales)), 1 / self._force_std, scales]
         )
         length = samples * t.stages
-        self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update)
+        self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update, self._reach())
         self._room, self._readings = Room(stage, t.laws, self._force_std, length), Readings(stage)
         self._scales, self._driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
         self.newest: float | None = None
@@ -139,6 +141,8 @@ class Estimator:
             self._origin = 0.0 if self._timed else time
             self._driven.clear()
         self._driven.put(time - self._origin, inputs)
+        if first:
+            self._settle(time)
         if gap:
             self._restarted(time - (self.newest or time))
         elif not first:
@@ -151,7 +155,7 @@ class Estimator:
         surprise = self.window.surprise()
         self.window.doubt(surprise, GATE)
         done = self._solved()
-        if not done.converged and self.iterations > 1:
+        if not done.converged:
             return Outcome.FAILED, done, surprise
         if gap:
             return Outcome.RESTARTED, done, surprise
@@ -215,12 +219,15 @@ class Estimator:
         if not filled:
             return Outcome.LATE, unsolved, nothing
         done = self._solved()
-        return (Outcome.FILLED if done.converged or self.iterations == 1 else Outcome.FAILED), done, nothing
+        return (Outcome.FILLED if done.converged else Outcome.FAILED), done, nothing
 
     # ---- solving
 
     def _solved(self) -> Solve:
-        """Steps through the window. Where they do not converge what they reached is where the next ones start, if it is sound."""
+        """Steps through the window. Where they do not converge what they reached is where the next ones start, if it is sound.
+
+        An estimate that one more step would hardly move counts as converged, and so does the one of a real-time iteration.
+        """
         window, predicted = self.window, self.window.here
         self._predicted = predicted, window.ahead
         try:
@@ -234,7 +241,7 @@ class Estimator:
         if not sound:
             window.give_up(predicted)
             return replace(done, converged=False)
-        return done
+        return replace(done, converged=done.converged or done.size <= USABLE or self.iterations == 1)
 
     # ---- what goes out
 
@@ -273,6 +280,14 @@ class Estimator:
 
     # ---- the start
 
+    def _settle(self, time: float) -> None:
+        """Where the first steps start from for lags of which nothing is known."""
+        posed = self.problem
+        for name, value in settled(posed, self._driven.last, time - self._origin, self.window.length * self.tuning.sampling).items():
+            if name not in posed.start:
+                i = [q.name for q in posed.dae.states].index(name)
+                self.window.here.x[i, -1] = np.clip(value, self.window.bounds[0][i], self.window.bounds[1][i])
+
     def _begun(self) -> Known:
         """What is known before the first sample, of [x; p]."""
         posed, dae = self.problem, self.problem.dae
@@ -304,6 +319,10 @@ class Estimator:
                 free = self.problem.varying[q.name]
                 Rd[i, i] = 1.0 / (free.std or WIDE * (abs(free.guess) or q.nominal))
         return Rd
+
+    def _reach(self) -> Array:
+        """How far a step may go that no sample tells: a state as far as its usual size, a parameter as its prior lets it."""
+        return np.array([*(q.nominal for q in self.problem.dae.states), *(np.inf for _ in self.problem.free)])
 
     def _bounds(self) -> tuple[Array, Array]:
         posed = self.problem
