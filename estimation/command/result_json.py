@@ -29,6 +29,7 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
         "model": answer.model,
         "recordings": list(answer.estimates),
         "parameters": _parameters(answer),
+        "correlation": {"parameters": list(answer.correlation), "matrix": answer.correlation.to_numpy().tolist()},
         "weights": _weights(answer.weights),
         "fit": _fit(answer.fit) | {name: _predicted(prediction) for name, prediction in answer.held_out.items()},
         "residuals": {name: _residual(r) for name, r in answer.residual_places.items()},
@@ -136,7 +137,8 @@ def _weights(weights: Weights) -> dict[str, Any]:
 
 def _residual(r: ResidualSummary) -> dict[str, Any]:
     follows = None if r.follows is None else asdict(r.follows)
-    return {"rms": r.rms, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
+    rest = {"share": r.rest_share, "rms": r.rest_rms}
+    return {"rms": r.rms, "near_rest": rest, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
 
 
 def _profile(p: Profile) -> dict[str, Any]:

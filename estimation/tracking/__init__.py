@@ -2,6 +2,7 @@
 
 from .estimate import Estimate, Outcome, Sample
 from .estimator import Estimator
+from .state import resumed, save
 from .track import Tracking, track
 
-__all__ = ["Estimate", "Estimator", "Outcome", "Sample", "Tracking", "track"]
+__all__ = ["Estimate", "Estimator", "Outcome", "Sample", "Tracking", "resumed", "save", "track"]

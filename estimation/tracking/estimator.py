@@ -41,7 +41,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SAMPLES = 50  # of a window that nobody gave
 ITERATIONS = 10  # Gauss-Newton steps for a sample, at most
-TOLERANCE = 1e-3  # standard deviations: what the last one may still move
+TOLERANCE = 0.02  # standard deviations: what the last one may still move
 USABLE = 0.3  # standard deviations: where all steps are used up and the last one moved no more than this, the estimate serves
 WIDE = 2.0  # prior of a parameter of which only a guess is given, over that guess: few samples do not carry it away
 EXACT = 1e-9  # of a state's nominal size: what is known exactly
@@ -80,20 +80,20 @@ class Estimator:
         stage = Stage(dae, posed.free, posed.values, soft, degree)
         self._outputs, self._inputs = tuple(q.name for q in dae.outputs), tuple(q.name for q in dae.inputs)
         self._states = tuple(q.name for q in dae.states)
-        self._layout = Layout(t.asked, stage)
-        self.names = self._layout.names
+        self.layout = Layout(t.asked, stage)
+        self.names = self.layout.names
         scales = np.where(np.isfinite(t.noise), 1.0 / t.noise, 0.0)
         typical = np.concatenate(
             [[t.sampling / t.stages, 0.0], np.ones(2 * len(self._inputs)), np.zeros(len(scales)), 1 / self._force_std, scales]
         )
         length = samples * t.stages
         self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update, self._reach())
-        self._room, self._readings = Room(stage, t.laws, self._force_std, length), Readings(stage)
-        self._scales, self._driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
+        self.room, self.readings = Room(stage, t.laws, self._force_std, length), Readings(stage)
+        self._scales, self.driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
         self.newest: float | None = None
         # the clock's own start would cost digits; only a model that knows the time needs it
         self._timed = ca.depends_on(ca.vertcat(dae.residual, dae.output), dae.t)
-        self._origin, self._anew = 0.0, False
+        self.origin, self._anew = 0.0, False
         self.latency, self.counts = Latency(), dict.fromkeys(Outcome, 0)
         self.estimate: Estimate | None = None
         self.steps = 0
@@ -103,7 +103,7 @@ class Estimator:
 
     def hold(self, time: float, inputs: Mapping[str, float]) -> None:
         """The inputs changed at a time [s] between samples; those left out or NaN stay what they are."""
-        self._driven.put(time - self._origin, self._vector(inputs, self._inputs, "input"))
+        self.driven.put(time - self.origin, self._vector(inputs, self._inputs, "input"))
 
     def update(self, sample: Sample) -> Estimate:
         """The estimate at the sample's time, or, if that has passed, the newest one with what a late sample adds to it.
@@ -130,7 +130,7 @@ class Estimator:
     def restart(self) -> None:
         """The next sample may be at any time and the states start anew with it: another recording of the same machine."""
         self._anew = self.newest is not None
-        self._driven.clear()
+        self.driven.clear()
 
     def _moved(self, time: float, inputs: Array, read: Array) -> tuple[Outcome, Solve, Array]:
         """A sample at a new time."""
@@ -138,9 +138,9 @@ class Estimator:
         gap = self._anew or (self.newest is not None and time - self.newest > self.tuning.gap)
         self._anew = False
         if first or gap:
-            self._origin = 0.0 if self._timed else time
-            self._driven.clear()
-        self._driven.put(time - self._origin, inputs)
+            self.origin = 0.0 if self._timed else time
+            self.driven.clear()
+        self.driven.put(time - self.origin, inputs)
         if first:
             self._settle(time)
         if gap:
@@ -150,7 +150,7 @@ class Estimator:
         self.newest = time
         there = np.isfinite(read) & (self._scales > 0)
         self._put_newest(np.where(there, read, 0.0), np.where(there, self._scales, 0.0))
-        self._room.given(self.window)
+        self.room.given(self.window)
         self.window.look_ahead()
         surprise = self.window.surprise()
         self.window.doubt(surprise, GATE)
@@ -167,20 +167,20 @@ class Estimator:
     def _pushed(self, time: float) -> None:
         """Stages from the newest sample to a time."""
         window, t = self.window, self.tuning
-        start, end = (self.newest or 0.0) - self._origin, time - self._origin
+        start, end = (self.newest or 0.0) - self.origin, time - self.origin
         count = t.stages * max(1, int(np.ceil((end - start) / (1.5 * t.sampling))))
         edges = np.linspace(start, end, count + 1)
         forces = 1 / self._force_std
         for a, b in pairwise(edges.tolist()):
             sample = window.newest[1 + len(self._inputs) :]
             window.push(
-                np.concatenate([[b - a, a], self._driven.over(a, b), sample[: len(self._scales)], forces, sample[len(self._scales) :]])
+                np.concatenate([[b - a, a], self.driven.over(a, b), sample[: len(self._scales)], forces, sample[len(self._scales) :]])
             )
-        self._driven.forget(end)
+        self.driven.forget(end)
 
     def _put_newest(self, read: Array, scales: Array) -> None:
-        time = (self.newest or 0.0) - self._origin
-        self.window.newest[:] = np.concatenate([[time], self._driven.last, read, scales])
+        time = (self.newest or 0.0) - self.origin
+        self.window.newest[:] = np.concatenate([[time], self.driven.last, read, scales])
 
     def _restarted(self, gap: float) -> None:
         """A new start of the states after a gap [s], with what is known of them always and of the parameters by now."""
@@ -204,7 +204,7 @@ class Estimator:
         unsolved = Solve(iterations=0, converged=True, size=0.0, missed=0.0)
         near = SAME * self.tuning.sampling
         ny, filled = len(read), False
-        at = time - self._origin
+        at = time - self.origin
         if abs(at - window.newest[0]) <= near:
             row, scale_row = window.newest[1 + len(self._inputs) :][:ny], window.newest[-ny:]
         else:
@@ -255,14 +255,14 @@ class Estimator:
         std = np.sqrt(np.sum(half**2, axis=1))
         std[unknown] = np.inf
         x, p = at.x[:, -1], at.p
-        outputs, outputs_std = self._readings.at(x, self._driven.last, p, float(window.newest[0]), half, self._force_std, t.sampling)
+        outputs, outputs_std = self.readings.at(x, self.driven.last, p, float(window.newest[0]), half, self._force_std, t.sampling)
         w, w_std = window.forces() if window.count else (np.zeros(ns), np.full(ns, np.inf))
         sample, scale = window.newest[1 + len(self._inputs) :][:ny], window.newest[-ny:]
-        acted = window.d[2 : 2 + 2 * len(self._inputs), -1].reshape(2, -1).mean(axis=0) if window.count else self._driven.last
+        acted = window.d[2 : 2 + 2 * len(self._inputs), -1].reshape(2, -1).mean(axis=0) if window.count else self.driven.last
         if outcome in MOVING and window.count >= t.stages:
             for j in range(window.count - t.stages, window.count):
-                self._layout.move(at.stages[:, j], p, window.d[:, j], at.x[:, j], at.x[:, j + 1])
-        read = self._layout.read(Found(x=x, x_std=std[:nx], p=p, p_std=std[nx:], w=w, w_std=w_std, u=acted))
+                self.layout.move(at.stages[:, j], p, window.d[:, j], at.x[:, j], at.x[:, j + 1])
+        read = self.layout.read(Found(x=x, x_std=std[:nx], p=p, p_std=std[nx:], w=w, w_std=w_std, u=acted))
         return Estimate(
             time=self.newest or 0.0,
             names=self.names,
@@ -283,7 +283,7 @@ class Estimator:
     def _settle(self, time: float) -> None:
         """Where the first steps start from for lags of which nothing is known."""
         posed = self.problem
-        for name, value in settled(posed, self._driven.last, time - self._origin, self.window.length * self.tuning.sampling).items():
+        for name, value in settled(posed, self.driven.last, time - self.origin, self.window.length * self.tuning.sampling).items():
             if name not in posed.start:
                 i = [q.name for q in posed.dae.states].index(name)
                 self.window.here.x[i, -1] = np.clip(value, self.window.bounds[0][i], self.window.bounds[1][i])

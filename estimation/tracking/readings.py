@@ -35,11 +35,11 @@ class Readings:
         arguments = [v, dae.x, dae.u, p, dae.t]
         self.at_once = ca.jacobian_sparsity(dae.output, ca.vertcat(v, dae.w)).nnz() > 0
         self._all = Called(ca.Function("readings", arguments, [ca.densify(e) for e in (*quiet, *forces)], {"cse": True}))
-        self._v = np.concatenate([np.zeros(dae.x.shape[0]), [q.start for q in dae.algebraics]])
+        self.guess = np.concatenate([np.zeros(dae.x.shape[0]), [q.start for q in dae.algebraics]])
 
     def at(self, x: Array, u: Array, p: Array, time: float, half: Array, force_std: Array, step: float) -> tuple[Array, Array]:
         """Outputs (ny,) and their deviations; half: root of the covariance of [x; p]; force_std (n_soft,) acting over `step` [s]."""
-        v, t = self._v, np.array([time])
+        v, t = self.guess, np.array([time])
         found = self._all(v, x, u, p, t)
         for _ in range(STEPS if self.at_once else 0):
             move = np.linalg.solve(found[1], -found[0][:, 0])
@@ -51,7 +51,7 @@ class Readings:
         if not self.at_once:
             return h, np.sqrt(np.sum((h_xp @ half) ** 2, axis=1))
         if np.all(np.isfinite(v)):
-            self._v = v
+            self.guess = v
         _, F_v, _, h_v, _, F_xp, h_w, F_w = found
         through = np.linalg.solve(F_v.T, h_v.T).T
         moved = (h_w - through @ F_w) * (force_std / np.sqrt(step))

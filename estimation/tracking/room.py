@@ -29,6 +29,7 @@ class Room:
 
     def __init__(self, stage: Stage, laws: tuple[FrictionLaw, ...], std: Array, length: int) -> None:
         self.std, self.laws, self.length = std, laws, length
+        self.doubt = np.zeros((len(laws), 0))  # DOUBT deviations of the velocities, by stages, from when each was the newest
         self._entered = [[stage.soft.index(k) for k in law.places if k in stage.soft] for law in laws]
         self._widths = stage.fixed[[law.width for law in laws]]
         if not laws:
@@ -43,7 +44,6 @@ class Room:
         slope = ca.jacobian(v[:, -1], y)[:, stage.interpolation.states + stage.interpolation.interior :]
         function = ca.Function("near", [y, p_ref, d], [ca.densify(v), ca.densify(f), ca.densify(slope)], {"cse": True})
         self._near, self._nears = Called(function), Called(function.map(length))
-        self._doubt = np.zeros((count, 0))
 
     def given(self, window: Window) -> None:
         """Write the forces' scales into the window's stages, for the trajectory in force."""
@@ -54,9 +54,9 @@ class Room:
         half, unknown = window.spread()
         std = np.sqrt(np.sum((slope @ half) ** 2, axis=1))
         std[(np.abs(slope[:, unknown]) > 0).any(axis=1)] = np.inf
-        self._doubt = np.column_stack([self._doubt, DOUBT * std])[:, -k:]
+        self.doubt = np.column_stack([self.doubt, DOUBT * std])[:, -k:]
         doubt = np.full((len(self.laws), k), np.inf)
-        doubt[:, k - self._doubt.shape[1] :] = self._doubt
+        doubt[:, k - self.doubt.shape[1] :] = self.doubt
         h, rows = window.d[0], self._rows(window)
         room = np.zeros((len(self.std), k))
         for law, entered in enumerate(self._entered):

@@ -79,10 +79,11 @@ def track(
     for number, recording in enumerate(r for r in estimator.tuning.asked.split.recordings if r.role == "fit"):
         if number:
             estimator.restart()
-        rows, surprises, latest = [], [], -np.inf
+        rows, surprises, words, latest = [], [], [], -np.inf
         for k, estimate in enumerate(followed(estimator, recording)):
             rows.append(estimate.row())
             surprises.append(estimate.surprise)
+            words.append(estimate.outcome.word)
             if clock.perf_counter() > latest + SAY_EVERY:
                 latest = clock.perf_counter()
                 say(f"{recording.name}: row {k + 1} of {len(recording.time)}")
@@ -94,7 +95,7 @@ def track(
             if q in recording.outputs
         }
         unmeasured = [f"{q}.measured" for q in estimator.names.outputs if q not in recording.outputs]
-        tables[recording.name] = table.drop(columns=unmeasured)
+        tables[recording.name] = table.drop(columns=unmeasured).assign(outcome=words)
     return summary(estimator, tables, fit, build=build, seconds=clock.perf_counter() - began - build)
 
 

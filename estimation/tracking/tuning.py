@@ -7,8 +7,9 @@ there; parameters and states start from what the problem says of them and are fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -43,9 +44,9 @@ class Tuning:
     """Settings of an estimator for a problem as it is posed (`Problem.posed`).
 
     asked: with all weights and widths; problem: the same as it is posed. force_std: place number -> std [unit * sqrt(s)]; noise, corner:
-    (ny,) of every output, std inf where it is not measured, and where Huber's loss begins [deviations]. laws: friction laws with a rounded
-    sign. stages: between two samples. sampling, gap: the usual interval between rows [s], and from where on rows stand apart. notes: what
-    was found, in words.
+    (ny,) of every output, std inf where it is not measured, and where Huber's loss begins [deviations]. laws: friction laws with a
+    rounded sign; widths: those of them that were found. stages: between two samples. sampling, gap: the usual interval between rows [s],
+    and from where on rows stand apart. notes: what was found, in words.
     """
 
     asked: Problem
@@ -54,6 +55,7 @@ class Tuning:
     noise: Array
     corner: Array
     laws: tuple[FrictionLaw, ...]
+    widths: dict[str, float]
     stages: int
     sampling: float
     gap: float
@@ -123,43 +125,47 @@ def _smoothed(problem: Problem, progress: Callable[[str], None]) -> _Found:
 
 def _settled(problem: Problem, found: _Found) -> Tuning:
     """The settings from what was found."""
-    widths = {p.name: float(found.parameters[i]) for i, p in enumerate(problem.dae.parameters) if p.smoothing}
-    asked = replace(problem, weights=found.weights, parameters={**widths, **problem.parameters})
-    posed, fitted = asked.posed, [r for r in problem.recordings if r.role == "fit"]
-    index = {p.name: k for k, p in enumerate(posed.dae.places)}
-    force_std = {index[name]: std for name, std in posed.weights.W.items() if name in found.soft and name in index}
-    noise = np.full(len(posed.dae.outputs), np.inf)
-    corner = np.full(len(posed.dae.outputs), GROSS)
+    infos = enumerate(problem.dae.parameters)
+    widths = {p.name: float(found.parameters[i]) for i, p in infos if p.smoothing and p.name not in problem.parameters}
+    settled = replace(problem, weights=found.weights, parameters={**problem.parameters, **widths})
+    posed, fitted = settled.posed, [r for r in problem.recordings if r.role == "fit"]
+    noise, corner = np.full(len(posed.dae.outputs), np.inf), np.full(len(posed.dae.outputs), GROSS)
     for i, q in enumerate(posed.dae.outputs):
         stds = [found.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in fitted if q.name in r.outputs]
-        if any(stds):
-            noise[i] = next(std for std in stds if std)
+        noise[i] = next((std for std in stds if std), np.inf)
         if any(r.output_loss.get(q.name) == "huber" for r in fitted):
             corner[i] = CORNER
-    first = fitted[0]
-    # a force that enters a reading at once is averaged over the stage that begins with it (`ocp/pieces.py`)
-    at_once = ca.jacobian_sparsity(posed.dae.output, ca.vertcat(posed.dae.dx, posed.dae.z, posed.dae.w)).nnz() > 0
-    return Tuning(
-        asked=asked,
-        problem=posed,
-        force_std=force_std,
+    tuning = of_weights(
+        settled,
+        widths=widths,
+        force_std={name: std for name, std in posed.weights.W.items() if name in found.soft},
         noise=noise,
         corner=corner,
-        laws=friction_laws(posed),
-        stages=1 if at_once else _stages(posed, found, noise, first.sampling),
-        sampling=first.sampling,
-        gap=gap_limit(first),
+        stages=1,
+        sampling=fitted[0].sampling,
+        gap=gap_limit(fitted[0]),
         notes=found.notes,
     )
+    # a force that enters a reading at once is averaged over the stage that begins with it (`ocp/pieces.py`)
+    at_once = ca.jacobian_sparsity(posed.dae.output, ca.vertcat(posed.dae.dx, posed.dae.z, posed.dae.w)).nnz() > 0
+    return tuning if at_once else replace(tuning, stages=_stages(tuning, found))
 
 
-def _stages(posed: Problem, found: _Found, noise: Array, sampling: float) -> int:
+def of_weights(settled: Problem, *, force_std: Mapping[str, float], **facts: Any) -> Tuning:
+    """The settings for a problem with all weights and widths; force_std: place of the posed problem -> std; facts: the other fields."""
+    posed = settled.posed
+    index = {p.name: k for k, p in enumerate(posed.dae.places)}
+    numbered = {index[name]: std for name, std in force_std.items() if name in index}
+    return Tuning(asked=settled, problem=posed, force_std=numbered, laws=friction_laws(posed), **facts)
+
+
+def _stages(tuning: Tuning, found: _Found) -> int:
     """Stages between two samples with which none of the outputs is wrong by more than EXACT of its noise from one to the next.
 
     Judged where the trajectory of the first recording goes, against twice as many.
     """
-    dae, horizon = posed.dae, found.followed.horizons[0]
-    stage = Stage(dae, (), found.parameters, (), 2)
+    dae, horizon, sampling = tuning.problem.dae, found.followed.horizons[0], tuning.sampling
+    stage = Stage(dae, (), found.parameters, tuple(sorted(tuning.force_std)), 2)
     predicted, h = Prediction(stage), ca.Function("h", [dae.x, dae.u, dae.p, dae.t], [dae.undisturbed(dae.output)])
     times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
     x, u = found.followed.at(0, times)[1], horizon.input_at(times)
@@ -178,7 +184,7 @@ def _stages(posed: Problem, found: _Found, noise: Array, sampling: float) -> int
     count, coarse = 1, ends(1)
     while count < FINEST:
         fine = ends(2 * count)
-        if np.quantile(np.abs(fine - coarse) / noise, FEW, axis=0).max(initial=0.0) <= EXACT:
+        if np.quantile(np.abs(fine - coarse) / tuning.noise, FEW, axis=0).max(initial=0.0) <= EXACT:
             break
         count, coarse = 2 * count, fine
     return count

@@ -47,7 +47,8 @@ class Window:
     corner (ny,): where Huber's loss of an output begins [deviations]; SQUARES where it does not. faith (ny, k) and (ny,): of every
     sample TRUSTED, as a square all the same, DOUBTED, not at all for now, or ORDINARY. bounds: of the newest x and of p, each (n,).
     reach (n,): how far a step may go that nothing tells, inf for any length.
-    told: what all samples tell of the newest state and p; ahead: what they told of it before its own sample.
+    told: what all samples tell of the newest state and p; ahead: what they told of it before its own
+    sample, or of the knot `passed` stages before; before: what they tell of the knot before the newest without its own.
     """
 
     def __init__(
@@ -69,8 +70,8 @@ class Window:
         self.d, self.newest = np.empty((stage.numbers, 0)), np.zeros(stage.last.size1_in(2))
         self.faith, self.faith_newest = np.empty((len(corner), 0), dtype=np.int8), np.zeros(len(corner), dtype=np.int8)
         self.known: deque[Known | None] = deque([known])
-        self.told = self.ahead = self._before = known
-        self._passed = 0  # stages since the knot that `ahead` is of
+        self.told = self.ahead = self.before = known
+        self.passed = 0
         y = np.concatenate([known.reference[:nx], stage.at_rest, known.reference])
         forward, backward, spread = stage.links((y, self.here.p, typical))
         self._spread = Called(spread)
@@ -96,7 +97,7 @@ class Window:
         self.here = Trajectory(np.column_stack([here.x, x]), np.column_stack([here.inner, inner]), here.p)
         self.d = np.column_stack([self.d, d])
         self.known.append(None)
-        self._passed += 1
+        self.passed += 1
         self.faith = np.column_stack([self.faith, self.faith_newest])
         self.newest, self.faith_newest = np.zeros_like(self.newest), np.zeros_like(self.faith_newest)
 
@@ -122,14 +123,14 @@ class Window:
         self.here = Trajectory(x[:, None].copy(), np.empty((len(self.here.inner), 0)), p)
         self.d, self.faith = self.d[:, :0], self.faith[:, :0]
         self.newest, self.faith_newest = np.zeros_like(self.newest), np.zeros_like(self.faith_newest)
-        self.known, self.told, self.ahead, self._before = deque([known]), known, known, known
-        self._passed = 0
+        self.known, self.told, self.ahead, self.before = deque([known]), known, known, known
+        self.passed = 0
 
     def look_ahead(self) -> None:
         """What the samples before the newest one tell of the newest state, along the trajectory in force."""
         at, y = self.here, self.here.stages
-        first = max(self.count - self._passed, 0)
-        known = self.known[0] if self._passed > self.count else self.ahead
+        first = max(self.count - self.passed, 0)
+        known = self.known[0] if self.passed > self.count else self.ahead
         for j in range(first, self.count):
             if known is None:
                 raise RuntimeError("the first knot of a window is always known")
@@ -138,7 +139,7 @@ class Window:
             Rd = self._forward(known.about(np.concatenate([at.x[:, j], at.p])), y[:, j], at.p, self._weighed(d, w))[0]
             known = Known(Rd=Rd.copy(), reference=np.concatenate([at.x[:, j + 1], at.p]))
         if known is not None:
-            self.ahead, self._passed = known, 0
+            self.ahead, self.passed = known, 0
 
     def give_up(self, here: Trajectory) -> None:
         """Back to a trajectory, which the newest sample has told nothing of."""
@@ -256,12 +257,12 @@ class Window:
         e, J = self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))
         Rd = np.asarray(np.linalg.qr(np.vstack([end, np.hstack([J, e])]), mode="r"), dtype=np.float64)[:n]
         newest = np.concatenate([at.x[:, -1], at.p])
-        self.ahead, self.told, self._passed = Known(Rd=end.copy(), reference=newest), Known(Rd=Rd, reference=newest), 0
+        self.ahead, self.told, self.passed = Known(Rd=end.copy(), reference=newest), Known(Rd=Rd, reference=newest), 0
         if k > 1:
             before = np.concatenate([at.x[:, -2], at.p])
-            self._before = Known(Rd=roots[:, (k - 2) * (n + 1) : (k - 1) * (n + 1)].copy(), reference=before)
+            self.before = Known(Rd=roots[:, (k - 2) * (n + 1) : (k - 1) * (n + 1)].copy(), reference=before)
         elif k == 1:
-            self._before = Known(Rd=self._arrival(at), reference=np.concatenate([at.x[:, 0], at.p]))
+            self.before = Known(Rd=self._arrival(at), reference=np.concatenate([at.x[:, 0], at.p]))
         right = self._bounded(Rd, newest)
         left = Rd[:, :n] @ right + Rd[:, n]
         promise += float(Rd[:, n] @ Rd[:, n] - left @ left)
@@ -376,7 +377,7 @@ class Window:
         stage, at, ns = self.stage, self.here, len(self.stage.soft)
         y, d, n, nx = at.stages[:, -1], self.d[:, -1], self.stage.size, at.x.shape[0]
         d = self._weighed(d, self._lessened(self._residual(y, at.p, d)[0], self.faith[:, -1:])[:, 0])
-        _, E, G = self._spread(self._before.about(np.concatenate([at.x[:, -2], at.p])), y, at.p, d)
+        _, E, G = self._spread(self.before.about(np.concatenate([at.x[:, -2], at.p])), y, at.p, d)
         e, J = self._rows(y, at.p, d)[:2]
         half, unknown = self.spread()
         own = nx + len(at.inner)
