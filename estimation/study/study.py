@@ -288,7 +288,9 @@ class Study:
 
 
 def _input(entry: InputTable | str) -> InputColumn:
-    return InputColumn(entry) if isinstance(entry, str) else InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0)
+    if isinstance(entry, str):
+        return InputColumn(entry)
+    return InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0, limits=entry.limits)
 
 
 def _output(entry: OutputTable | str) -> OutputColumn:

@@ -27,6 +27,7 @@ from backsight.ocp.moving.trajectory import Known, Solve
 from backsight.ocp.moving.window import DOUBTED, Update, Window, root
 
 from ..problem import Free, Problem
+from ..recordings.columns import cut
 from ..supposed import PARAMETER
 from .driven import Driven
 from .estimate import Estimate, Outcome, Sample
@@ -103,7 +104,7 @@ class Estimator:
 
     def hold(self, time: float, inputs: Mapping[str, float]) -> None:
         """The inputs changed at a time [s] between samples; those left out or NaN stay what they are."""
-        self.driven.put(time - self.origin, self._vector(inputs, self._inputs, "input"))
+        self.driven.put(time - self.origin, self._acting(inputs))
 
     def update(self, sample: Sample) -> Estimate:
         """The estimate at the sample's time, or, if that has passed, the newest one with what a late sample adds to it.
@@ -113,7 +114,7 @@ class Estimator:
         began = clock.perf_counter()
         if not np.isfinite(sample.time):
             raise InputError(f"update: time is {sample.time}; a sample has a finite time in seconds.")
-        inputs = self._vector(sample.inputs, self._inputs, "input")
+        inputs = self._acting(sample.inputs)
         read = self._vector(sample.outputs, self._outputs, "output")
         late = self.newest is not None and not self._anew and sample.time <= self.newest + SAME * self.tuning.sampling
         outcome, done, surprise = self._filled(sample.time, read) if late else self._moved(sample.time, inputs, read)
@@ -329,6 +330,12 @@ class Estimator:
         states = [posed.bounds.get(q.name, (-np.inf, np.inf)) for q in posed.dae.states]
         both = np.array([*states, *(posed.parameter_range(i) for i in posed.free)]).reshape(-1, 2)
         return both[:, 0].copy(), both[:, 1].copy()
+
+    def _acting(self, commands: Mapping[str, float]) -> Array:
+        """The inputs (nu,) as the actuators can do them."""
+        limits = self.problem.fitted[0].limits
+        u = self._vector(commands, self._inputs, "input")
+        return np.array([cut(value, limits.get(name)) for name, value in zip(self._inputs, u.tolist(), strict=True)])
 
     @staticmethod
     def _vector(given: Mapping[str, float], names: tuple[str, ...], what: str) -> Array:

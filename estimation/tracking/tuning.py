@@ -16,6 +16,7 @@ import numpy as np
 
 from backsight.models.errors import InputError
 from backsight.ocp.follow import Followed
+from backsight.ocp.horizon import Horizon
 from backsight.ocp.moving.prediction import Prediction
 from backsight.ocp.moving.stage import Stage
 
@@ -36,6 +37,8 @@ ROWS = 5000  # of a recording, at most, that are smoothed
 GROSS = 4.0  # deviations from which on a sample is suspected of being wrong, unless its output has a loss of its own
 FINEST = 16  # stages between two samples, at most
 EXACT = 0.1  # of the noise: what the stages may be wrong by from sample to sample
+SUDDEN = 10.0  # times the usual change of an input from row to row: no noise of a control
+AT_JUMPS = 0.5  # of the noise, where an input jumps: for once it adds a quarter to a prediction's mean square error
 LOOKED_AT, FEW = 40, 0.9  # places of a recording where that is judged, and the share of them where it holds: not where bodies turn round
 
 
@@ -162,21 +165,23 @@ def of_weights(settled: Problem, *, force_std: Mapping[str, float], **facts: Any
 def _stages(tuning: Tuning, found: _Found) -> int:
     """Stages between two samples with which none of the outputs is wrong by more than EXACT of its noise from one to the next.
 
-    Judged where the trajectory of the first recording goes, against twice as many.
+    Judged where the trajectory of the first recording goes, against twice as many; where the inputs jump, AT_JUMPS is good enough.
+    There fast lags (a current, a valve) are far from rest, and nowhere else.
     """
     dae, horizon, sampling = tuning.problem.dae, found.followed.horizons[0], tuning.sampling
     stage = Stage(dae, (), found.parameters, tuple(sorted(tuning.force_std)), 2)
     predicted, h = Prediction(stage), ca.Function("h", [dae.x, dae.u, dae.p, dae.t], [dae.undisturbed(dae.output)])
-    times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+    usual = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+    times = np.concatenate([usual, _jumps(horizon)])
     x, u = found.followed.at(0, times)[1], horizon.input_at(times)
-    nothing = np.zeros(stage.numbers - 2 - 2 * len(dae.inputs))
+    rest = np.ones(stage.numbers - 2 - 2 * len(dae.inputs))  # nothing of it says how the balances go on, but a scale of zero is none
 
     def ends(count: int) -> Array:
         reached = []
         for state, held, time in zip(x.T, u.T, times, strict=True):
             now = state
             for k in range(count):
-                d = np.concatenate([[sampling / count, time + k * sampling / count], held, held, nothing])
+                d = np.concatenate([[sampling / count, time + k * sampling / count], held, held, rest])
                 now = predicted(now, np.empty(0), d, stage.at_rest)[0]
             reached.append(np.asarray(h(now, held, found.parameters, time + sampling)).ravel())
         return np.array(reached)
@@ -184,10 +189,22 @@ def _stages(tuning: Tuning, found: _Found) -> int:
     count, coarse = 1, ends(1)
     while count < FINEST:
         fine = ends(2 * count)
-        if np.quantile(np.abs(fine - coarse) / tuning.noise, FEW, axis=0).max(initial=0.0) <= EXACT:
+        error = np.abs(fine - coarse) / tuning.noise
+        parts = (error[:LOOKED_AT], EXACT), (error[LOOKED_AT:], AT_JUMPS)
+        if all(np.quantile(e, FEW, axis=0).max(initial=0.0) <= bound for e, bound in parts if len(e)):
             break
         count, coarse = 2 * count, fine
     return count
+
+
+def _jumps(horizon: Horizon) -> Array:
+    """Times at which a held input jumps as it usually does not, at most LOOKED_AT of them."""
+    if horizon.hold != "zero":
+        return np.empty(0)
+    size = np.abs(np.diff(horizon.inputs, axis=0))
+    times = horizon.changes[1:][(size > SUDDEN * np.median(size, axis=0)).any(axis=1)]
+    times = times[(times > horizon.time[0]) & (times < horizon.time[-1])]
+    return np.asarray(times[:: len(times) // LOOKED_AT + 1])
 
 
 def _leading(recording: Recording, rows: int) -> Recording:

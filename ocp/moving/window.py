@@ -247,22 +247,27 @@ class Window:
     def _step(self, w: Array, w_last: Array) -> tuple[Trajectory, float]:
         """The Gauss-Newton step, and how far the sum of squares falls by it when the model is linear."""
         at, n, nx, k = self.here, self.stage.size, self.stage.interpolation.states, self.count
-        roots, E, promise = self._swept(self._weighed(self.d, w))
+        d, arrival = self._weighed(self.d, w), self._arrival(at)
+        roots, E, promise = self._swept(arrival, d)
         for j in range(k):
             if self.known[j + 1] is None:
                 self.known[j + 1] = Known(
                     Rd=roots[:, j * (n + 1) : (j + 1) * (n + 1)].copy(), reference=np.concatenate([at.x[:, j + 1], at.p])
                 )
-        end = roots[:, (k - 1) * (n + 1) :] if k else self._arrival(at)
-        e, J = self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))
-        Rd = np.asarray(np.linalg.qr(np.vstack([end, np.hstack([J, e])]), mode="r"), dtype=np.float64)[:n]
+        end = roots[:, (k - 1) * (n + 1) :] if k else arrival
+        last = np.hstack(self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))[::-1])
+        Rd = _joined(end, last)
         newest = np.concatenate([at.x[:, -1], at.p])
         self.ahead, self.told, self.passed = Known(Rd=end.copy(), reference=newest), Known(Rd=Rd, reference=newest), 0
         if k > 1:
             before = np.concatenate([at.x[:, -2], at.p])
             self.before = Known(Rd=roots[:, (k - 2) * (n + 1) : (k - 1) * (n + 1)].copy(), reference=before)
         elif k == 1:
-            self.before = Known(Rd=self._arrival(at), reference=np.concatenate([at.x[:, 0], at.p]))
+            self.before = Known(Rd=arrival, reference=np.concatenate([at.x[:, 0], at.p]))
+        if self._adrift(Rd):
+            near = _joined(arrival, np.column_stack([np.diag(1 / self._reach), np.zeros(n)]))
+            roots, E, promise = self._swept(near, d)
+            Rd = _joined(roots[:, (k - 1) * (n + 1) :] if k else near, last)
         right = self._bounded(Rd, newest)
         left = Rd[:, :n] @ right + Rd[:, n]
         promise += float(Rd[:, n] @ Rd[:, n] - left @ left)
@@ -278,9 +283,20 @@ class Window:
                 dx[:, j], inner[:, j] = now[:nx], inside
         return Trajectory(dx, inner, right[nx:].copy()), promise
 
-    def _swept(self, d: Array) -> tuple[Array, Array, float]:
-        """Rd of every next knot and E of every stage, side by side, and the squares that go."""
-        at, Rd = self.here, self._arrival(self.here)
+    def _adrift(self, Rd: Array) -> bool:
+        """Whether a state is told less well than to its reach.
+
+        Then the first knot moves no further than to the reach in a step, by a proximal point (R. T. Rockafellar, SIAM J. Control Optim.
+        14, 1976): away from here the linear model says nothing. The solution stays where it is, and what is told of it too.
+        """
+        if not np.isfinite(self._reach).any():
+            return False
+        half, unknown = root(Rd[:, :-1])
+        return bool(np.any((unknown | (np.sum(half**2, axis=1) > self._reach**2)) & np.isfinite(self._reach)))
+
+    def _swept(self, Rd: Array, d: Array) -> tuple[Array, Array, float]:
+        """Rd of every next knot and E of every stage, side by side, and the squares that go; Rd: of the first knot."""
+        at = self.here
         if self.count == self.length:
             roots, E, squares = self._forwards(Rd, at.stages, at.parameters, d)
             return roots, E, float(squares.sum())
@@ -295,32 +311,18 @@ class Window:
         return np.hstack(all_roots), np.hstack(all_E), total
 
     def _bounded(self, Rd: Array, here: Array) -> Array:
-        """The step of the newest state and p that makes |R s + d| least, within their bounds; what R does not tell stays.
-
-        Where it would go beyond the reach, what R tells less well than to that holds still: a proximal point (R. T. Rockafellar, SIAM J.
-        Control Optim. 14, 1976), which stays away from where the linear model says nothing and leaves the solution where it is.
-        """
-        s = self._unbounded(Rd)
-        if np.any(np.abs(s) > self._reach):
-            near = np.column_stack([np.diag(1 / self._reach), np.zeros(len(Rd))])
-            Rd = np.asarray(np.linalg.qr(np.vstack([Rd, near]), mode="r"), dtype=np.float64)[: len(Rd)]
-            s = self._unbounded(Rd)
-        lower, upper = self.bounds[0] - here, self.bounds[1] - here
-        if np.all(s >= lower) and np.all(s <= upper):
-            return s
-        size = _lengths(Rd[:, :-1])
-        lower, upper = np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size
-        found = lsq_linear(Rd[:, :-1] / size, -Rd[:, -1], bounds=(lower, upper), method="bvls")
-        return np.asarray(found.x / size)
-
-    @staticmethod
-    def _unbounded(Rd: Array) -> Array:
-        """The least squares solution of R s + d = 0, the shortest one."""
+        """The step of the newest state and p that makes |R s + d| least, within their bounds; what R does not tell stays."""
         R, d = Rd[:, :-1], Rd[:, -1]
         size = _lengths(R)
         if np.abs(np.diag(R) / size).min() > SINGULAR:
-            return np.asarray(lapack.dtrtrs(R, -d)[0])
-        return np.asarray(np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size)
+            s = np.asarray(lapack.dtrtrs(R, -d)[0])
+        else:
+            s = np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size
+        lower, upper = self.bounds[0] - here, self.bounds[1] - here
+        if np.all(s >= lower) and np.all(s <= upper):
+            return s
+        found = lsq_linear(R / size, -d, bounds=(np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size), method="bvls")
+        return np.asarray(found.x / size)
 
     def doubt(self, surprise: Array, gate: float) -> None:
         """Leave out the newest samples whose surprise (ny,) is greater, until `review` finds otherwise."""
@@ -398,6 +400,11 @@ def root(R: Array) -> tuple[Array, NDArray[np.bool_]]:
     told = s > SINGULAR * s.max(initial=1e-300)
     half = Vt[told].T / s[told] / size[:, None]
     return half, np.any(np.abs(Vt[~told]) > np.sqrt(SINGULAR), axis=0)
+
+
+def _joined(Rd: Array, rows: Array) -> Array:
+    """What a square root and more rows tell together."""
+    return np.asarray(np.linalg.qr(np.vstack([Rd, rows]), mode="r"), dtype=np.float64)[: len(Rd)]
 
 
 def _lengths(R: Array) -> Array:
