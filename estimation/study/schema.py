@@ -66,7 +66,7 @@ class InputTable(Part):
     column: str
     unit: str | None = None
     delay: Literal["estimate"] | None = None
-    limits: tuple[float, float] | None = None
+    limits: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
 
 
 class OutputTable(Part):

@@ -290,7 +290,8 @@ class Study:
 def _input(entry: InputTable | str) -> InputColumn:
     if isinstance(entry, str):
         return InputColumn(entry)
-    return InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0, limits=entry.limits)
+    limits = (entry.limits[0], entry.limits[1]) if entry.limits else None
+    return InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0, limits=limits)
 
 
 def _output(entry: OutputTable | str) -> OutputColumn:

@@ -196,13 +196,13 @@ def normalised(estimator: Estimator, truth: Mapping[str, np.ndarray], row: int, 
     return float((e / size) @ np.linalg.solve(C[np.ix_(chosen, chosen)] / np.outer(size, size), e / size)), len(chosen)
 
 
-def follow(plant: str, seed: int, what: str, samples: int) -> dict[str, Any]:
-    """The outcome of a run, as it is kept."""
+def follow(plant: str, seed: int, what: str, samples: int, rows: int | None = None) -> dict[str, Any]:
+    """The outcome of a run, as it is kept; rows: of it, all if not given."""
     problem, truth = pose(plant, seed, what)
     estimator, recording, began = Estimator(problem, samples=samples), problem.recordings[0], time.perf_counter()
     kept: dict[str, list[list[float]]] = {"states": [], "parameters": [], "jumping": []}
-    jumping, rows = CASES[plant].jumping, len(recording.time)
-    for k, t in enumerate(recording.time.tolist()):
+    jumping, rows = CASES[plant].jumping, rows or len(recording.time)
+    for k, t in enumerate(recording.time[:rows].tolist()):
         inputs = {n: float(u[k]) for n, u in recording.inputs.items()}
         estimate = estimator.update(Sample(time=t, inputs=inputs, outputs={n: float(y[k]) for n, y in recording.outputs.items()}))
         if k % EVERY == 0 and k >= SEEN * rows:
