@@ -75,6 +75,8 @@ class Estimator:
             raise InputError(f"Estimator(samples={samples}, iterations={iterations}): needs 2 samples and 1 iteration at least.")
         self.tuning = t = tuning or tuned(problem, progress or (lambda _: None))
         self.problem, self.iterations = t.problem, iterations
+        # of the problem as asked: as posed they are states
+        self._drifting = {name: free for name, free in t.asked.varying.items() if free.drift is not None}
         dae, posed = self.problem.dae, self.problem
         soft = tuple(sorted(t.force_std))
         self._force_std = np.array([t.force_std[k] for k in soft])
@@ -187,7 +189,7 @@ class Estimator:
         """A new start of the states after a gap [s], with what is known of them always and of the parameters by now."""
         posed = self.problem
         always = {name: known for name, known in posed.start.items() if known.always}
-        drifting = [i for i, name in enumerate(self._states) if name in posed.varying]
+        drifting = [i for i, name in enumerate(self._states) if name in self._drifting]
         Rd, x = self._known_states(always), self.window.here.x[:, -1].copy()
         if drifting:  # a walk goes on through a gap
             half, unknown = self.window.spread()
@@ -298,7 +300,7 @@ class Estimator:
         Rd[:nx, :nx] = self._known_states(posed.start)[:, :nx]
         for i, q in enumerate(dae.states):
             known = posed.start.get(q.name)
-            guess = posed.varying[q.name].guess if q.name in posed.varying else q.start
+            guess = self._drifting[q.name].guess if q.name in self._drifting else q.start
             reference[i] = guess if known is None else known.value
         for k, i in enumerate(free):
             info = dae.parameters[i]
@@ -316,8 +318,8 @@ class Estimator:
         for i, q in enumerate(states):
             if q.name in known:
                 Rd[i, i] = 1.0 / max(known[q.name].std, EXACT * q.nominal)
-            elif q.name in self.problem.varying:
-                free = self.problem.varying[q.name]
+            elif q.name in self._drifting:
+                free = self._drifting[q.name]
                 Rd[i, i] = 1.0 / (free.std or WIDE * (abs(free.guess) or q.nominal))
         return Rd
 
