@@ -87,7 +87,7 @@ class Estimator:
         )
         length = samples * t.stages
         self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update)
-        self.room, self.readings = Room(stage, t.laws, self._force_std, length), Readings(stage)
+        self.room, self.readings = Room(stage, t.laws, self._force_std, t.noise, length), Readings(stage)
         self._scales, self.driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
         self.newest: float | None = None
         # the clock's own start would cost digits; only a model that knows the time needs it

@@ -36,6 +36,8 @@ TRUSTED, ORDINARY, DOUBTED = 1, 0, -1
 SETTLED = 0.02  # of a deviation: what reweighing may still move
 SINGULAR = 1e-10  # of the largest singular value of R, its columns scaled: less tells nothing
 SUFFICIENT = 1e-4  # share of a step's promised descent that it must keep
+ROUNDING = 1e-14  # of a sum of squares: what it is wrong by
+ENOUGH = 0.5  # share of what a linear model says the cost falls by: below that a shorter step is tried
 SHORTEST = 2.0**-8  # step length at which no descent is left
 
 
@@ -154,24 +156,45 @@ class Window:
             w, w_last = self._lessened(e, self.faith), self._lessened(last, self.faith_newest)
             cost = self._cost(self.here, e, last, w, w_last)
             step, promise = self._step(w, w_last)
-            length, size = 1.0, float(np.sqrt(max(promise, 0.0)))
-            while True:
-                there = self.here.moved(step, length)
-                e, last, open_ = self._errors(there, self.here.p)
-                now = self._cost(there, e, last, w, w_last)
-                if now <= cost - SUFFICIENT * length * promise or open_ < broken / 4 or size <= tolerance:
-                    break
-                length /= 2
-                if length < SHORTEST or not np.isfinite(promise):
-                    return Solve(iterations=iteration, converged=False, size=size, missed=np.inf)
+            size = float(np.sqrt(max(promise, 0.0)))
+            small = promise <= max(tolerance**2, ROUNDING * cost)
+            found = self._searched(step, promise, cost, broken, (w, w_last), small)
+            if found is None:
+                return Solve(iterations=iteration, converged=False, size=size, missed=np.inf)
+            length, now, there, e, last = found
             missed = float(np.sqrt(abs(now - cost + promise * length * (2 - length))))
             self.here = there
             reweighed = self._reweighed(e, w, self.faith) + self._reweighed(last, w_last, self.faith_newest)
-            settled = size <= tolerance or (missed <= tolerance and reweighed <= SETTLED**2)
+            settled = small or (missed <= tolerance and reweighed <= SETTLED**2)
             done = Solve(iterations=iteration, converged=settled, size=size, missed=missed)
             if done.converged:
                 break
         return done
+
+    def _searched(
+        self, step: Trajectory, promise: float, cost: float, broken: float, weights: tuple[Array, Array], small: bool
+    ) -> tuple[float, float, Trajectory, Array, Array] | None:
+        """How far along a step, the cost there, the trajectory and its residuals; None where nothing falls.
+
+        The cost begins with the slope -2 promise, so the parabola through its values at 0 and t is least at promise t^2 / (cost(t) - cost
+        + 2 promise t). That is tried where the cost falls by less than ENOUGH of what a linear model says: whole steps over a bend in the
+        model land as high on its other side, and would go to and fro.
+        """
+        best, t = None, 1.0
+        while t >= SHORTEST and np.isfinite(promise):
+            there = self.here.moved(step, t)
+            e, last, open_ = self._errors(there, self.here.p)
+            now = self._cost(there, e, last, *weights)
+            if best is not None and now >= best[1]:
+                break
+            closer = open_ < broken / 4 or small
+            if now <= cost - SUFFICIENT * t * promise or closer:
+                best = t, now, there, e, last
+                if closer or now <= cost - ENOUGH * promise * t * (2 - t):
+                    break
+            rise = max(now - cost, -promise * t)
+            t = float(np.clip(promise * t**2 / (rise + 2 * promise * t), t / 10, t / 2)) if np.isfinite(rise) else t / 2
+        return best
 
     def _errors(self, at: Trajectory, p_ref: Array) -> tuple[Array, Array, float]:
         """e_s (m, k) of all stages and e (ny,) of the newest sample, without loss, and the squares of what is to be zero.

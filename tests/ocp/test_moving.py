@@ -12,7 +12,7 @@ from backsight.models import Dae
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solver, transcribe
 from backsight.ocp.moving.elimination import back_substituted, best_determined, triangular
 from backsight.ocp.moving.stage import Stage
-from backsight.ocp.moving.trajectory import Known
+from backsight.ocp.moving.trajectory import Known, Trajectory
 from backsight.ocp.moving.window import SQUARES, Update, Window
 from backsight.ocp.scaling import scaled
 
@@ -212,3 +212,29 @@ def test_columns_that_equations_determine_best_come_from_the_first_group_as_far_
     assert best_determined(J, [[0, 1], [2, 3]]) == (0, 2)
     with pytest.raises(np.linalg.LinAlgError, match="1 of the equations"):
         best_determined(J, [[0, 1], [3]])
+
+
+@pytest.mark.parametrize("bend", [0.9, 1.4, 1.9, 1.99, 60.0])
+def test_a_step_that_lands_as_high_on_the_other_side_of_a_bend_is_shortened_to_the_bottom(bend):
+    """Along the step the cost is c - 2 a t + a bend t^2, least at 1 / bend; Gauss-Newton says bend = 1."""
+    c, a, tried = 100.0, 3.0, []
+
+    class Along(Window):
+        def __init__(self):
+            self.here = Trajectory(np.zeros((1, 1)), np.empty((0, 0)), np.empty(0))
+
+        def _errors(self, at, _):
+            tried.append(at.x[0, 0])
+            return at.x, at.x[0], 0.0
+
+        def _cost(self, at, *_):
+            t = at.x[0, 0]
+            return c - 2 * a * t + a * bend * t**2
+
+    step, nothing = Trajectory(np.ones((1, 1)), np.empty((0, 0)), np.empty(0)), np.empty(0)
+    length, cost, there, e, _ = Along()._searched(step, a, c, 0.0, (nothing, nothing), False)
+    wanted = 1.0 if bend < 1.5 else 1 / bend
+    assert length == there.x[0, 0] == e[0, 0]
+    assert abs(length / wanted - 1) < 1e-9
+    assert cost == pytest.approx(c - 2 * a * length + a * bend * length**2)
+    assert len(tried) <= 3
