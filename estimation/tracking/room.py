@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import binary_propagation
 
 from backsight.ocp.moving.called import Called
+from backsight.ocp.moving.native import native
 from backsight.ocp.moving.stage import Stage
 from backsight.ocp.moving.window import Window
 
@@ -31,7 +32,7 @@ class Room:
     """The deviations of the residual forces and samples in the stages of a window; away from rest std (n_soft,) [unit * sqrt(s)] and
     noise (ny,)."""
 
-    def __init__(self, stage: Stage, laws: tuple[FrictionLaw, ...], std: Array, noise: Array, length: int) -> None:
+    def __init__(self, stage: Stage, laws: tuple[FrictionLaw, ...], std: Array, noise: Array, length: int, *, jit: bool = False) -> None:
         self.std, self.noise, self.laws, self.length = std, noise, laws, length
         self.doubt = np.zeros((len(laws), 0))  # DOUBT deviations of the velocities, by stages, from when each was the newest
         self._widths = stage.fixed[[law.width for law in laws]]
@@ -49,6 +50,7 @@ class Room:
         v, f = values[:count, :], values[count:, :]
         slope = ca.jacobian(v[:, -1], y)[:, stage.interpolation.states + stage.interpolation.interior :]
         function = ca.Function("near", [y, p_ref, d], [ca.densify(v), ca.densify(f), ca.densify(slope)], {"cse": True})
+        function = native([function])[0][0] if jit else function
         self._near, self._nears = Called(function), Called(function.map(length))
 
     def given(self, window: Window) -> None:

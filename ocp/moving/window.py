@@ -25,6 +25,7 @@ from scipy.optimize import lsq_linear
 
 from ..polynomials import Array
 from .called import Called
+from .native import native
 from .prediction import Prediction
 from .stage import Stage
 from .trajectory import Known, Solve, Trajectory
@@ -48,12 +49,22 @@ class Window:
     scales are what they are without loss. known: of every knot what the stages before it tell, None where it was not asked yet.
     corner (ny,): where Huber's loss of an output begins [deviations]; SQUARES where it does not. faith (ny, k) and (ny,): of every
     sample TRUSTED, as a square all the same, DOUBTED, not at all for now, or ORDINARY. bounds: of the newest x and of p, each (n,).
+    jit: what is evaluated in every stage is compiled to C code (`native.py`); slow: why it is not, if it was to be.
     told: what all samples tell of the newest state and p; ahead: what they told of it before its own
     sample, or of the knot `passed` stages before; before: what they tell of the knot before the newest without its own.
     """
 
     def __init__(
-        self, stage: Stage, length: int, known: Known, typical: Array, bounds: tuple[Array, Array], corner: Array, update: Update
+        self,
+        stage: Stage,
+        length: int,
+        known: Known,
+        typical: Array,
+        bounds: tuple[Array, Array],
+        corner: Array,
+        update: Update,
+        *,
+        jit: bool = False,
     ) -> None:
         ip = stage.interpolation
         nx = ip.states
@@ -66,11 +77,15 @@ class Window:
         self.passed = 0
         y = np.concatenate([known.reference[:nx], np.zeros(ip.interior), known.reference])
         forward, backward, spread = stage.links((y, self.here.p, typical))
-        self._spread = Called(spread)
+        often, self.slow = [forward, backward, stage.residuals, stage.balances], ""
+        if jit:
+            often, self.slow = native(often)
+        forward, backward, residuals, balances = often
         self._forward, self._forwards = Called(forward), Called(forward.mapaccum("forwards", length))
         self._backward, self._backwards = Called(backward), Called(backward.mapaccum("backwards", length))
-        self._residual, self._residuals = Called(stage.residuals), Called(stage.residuals.map(length))
-        self._last, self._rows, self._predicted = Called(stage.last), Called(stage.rows), Prediction(stage)
+        self._residual, self._residuals = Called(residuals), Called(residuals.map(length))
+        self._last, self._rows, self._spread = Called(stage.last), Called(stage.rows), Called(spread)
+        self._predicted = Prediction(stage, balances)
 
     @property
     def count(self) -> int:
