@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.ndimage import binary_propagation
+from numpy.typing import NDArray
 
 from backsight.ocp.moving.called import Called
 from backsight.ocp.moving.native import native
@@ -68,10 +68,10 @@ class Room:
         ns, h = len(self.std), window.d[0]
         room = np.zeros((f.shape[1], k))
         for law in range(len(self.laws)):
-            change = v[law].max(axis=0) - v[law].min(axis=0)
-            least = np.where(np.sign(v[law].max(axis=0)) != np.sign(v[law].min(axis=0)), 0.0, np.abs(v[law]).min(axis=0))
+            high, low = v[law].max(axis=0), v[law].min(axis=0)
+            change, least = high - low, np.where(np.sign(high) != np.sign(low), 0.0, np.minimum(np.abs(high), np.abs(low)))
             slow = least <= NEAR * self._widths[law]
-            near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt[law]))
+            near = (least <= change) | _spread(slow, slow | (least <= doubt[law]))
             room[:ns] += np.where(near, np.maximum(np.abs(f[law, :ns]).max(axis=1), self._marks[law]), 0.0)
             room[ns:] += np.ptp(f[law, ns:], axis=1)
         forces, rows = room[:ns] * np.sqrt(h), window.d[-len(room) :]
@@ -88,6 +88,14 @@ class Room:
             v, f, slope = (np.hstack(column) for column in zip(*parts, strict=True))
         n = slope.shape[1] // k
         return v.reshape(count, k, 3).swapaxes(1, 2), f.reshape(count, -1, k, 3).swapaxes(2, 3), slope[:, (k - 1) * n :]
+
+
+def _spread(slow: NDArray[np.bool_], doubtful: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """All of the doubtful stages in a row (k,) among which one is slow."""
+    run = np.cumsum(~doubtful)
+    reached = np.zeros(len(run) + 1, dtype=bool)
+    reached[run[slow]] = True
+    return np.asarray(doubtful & reached[run])
 
 
 def _strength(stage: Stage, law: FrictionLaw, width: float) -> Any:

@@ -16,6 +16,7 @@ force, falls by the step and the loss with it.
 from __future__ import annotations
 
 from collections import deque
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -75,6 +76,7 @@ class Window:
         self.known: deque[Known | None] = deque([known])
         self.told = self.ahead = self.before = known
         self.passed = 0
+        self._root: tuple[Known, tuple[Array, NDArray[np.bool_]]] | None = None  # of what is told, once it was asked for
         y = np.concatenate([known.reference[:nx], np.zeros(ip.interior), known.reference])
         forward, backward, spread = stage.links((y, self.here.p, typical))
         often, self.slow = [forward, backward, stage.residuals, stage.balances], ""
@@ -110,8 +112,9 @@ class Window:
     def _leave(self) -> None:
         here = self.here
         if self.update == "smoothing" or self.known[1] is None:
-            d = self._weighed(self.d, self._lessened(self._errors(here, here.p)[0], self.faith))[:, 0]
-            Rd = self._forward(self._arrival(here), here.stages[:, 0], here.p, d)[0]
+            y, d = here.stages[:, 0], self.d[:, 0]
+            d = self._weighed(d, self._lessened(self._residual(y, here.p, d)[0][:, 0], self.faith[:, 0]))
+            Rd = self._forward(self._arrival(here), y, here.p, d)[0]
             self.known[1] = Known(Rd=Rd.copy(), reference=np.concatenate([here.x[:, 1], here.p]))
         self.known.popleft()
         self.here, self.d = Trajectory(here.x[:, 1:], here.inner[:, 1:], here.p), self.d[:, 1:]
@@ -230,14 +233,17 @@ class Window:
     def _lessened(self, e: Array, faith: NDArray[np.int8]) -> Array:
         """Roots of the weights of the samples, (ny, ..), from residuals of which theirs are the last rows."""
         ny = len(self.corner)
+        size = np.abs(e[len(e) - ny :])
+        if not faith.any() and not (size > self.corner.reshape(-1, *(1,) * (e.ndim - 1))).any():
+            return np.ones(size.shape)
         corner = np.where(faith == TRUSTED, SQUARES, self.corner.reshape(-1, *(1,) * (e.ndim - 1)))
-        w = np.sqrt(corner / np.maximum(np.abs(e[len(e) - ny :]), corner))
+        w = np.sqrt(corner / np.maximum(size, corner))
         return np.asarray(np.where(faith == DOUBTED, 0.0, w))
 
     def _reweighed(self, e: Array, w: Array, faith: NDArray[np.int8]) -> float:
         """Square of what other weights than w change in the samples' residuals [deviations]."""
         now = self._lessened(e, faith)
-        return float(np.sum(((now**2 - w**2) * e[len(e) - len(self.corner) :]) ** 2))
+        return float((((now**2 - w**2) * e[len(e) - len(self.corner) :]) ** 2).sum())
 
     @staticmethod
     def _weighed(d: Array, w: Array) -> Array:
@@ -247,7 +253,7 @@ class Window:
     def _cost(self, at: Trajectory, e: Array, last: Array, w: Array, w_last: Array) -> float:
         """Sum of squares of everything noisy, the samples' lessened."""
         ny, known = len(w), self._arrival(at)[:, -1]
-        return float(known @ known + np.sum(e[:-ny] ** 2) + np.sum((e[-ny:] * w) ** 2) + np.sum((last * w_last) ** 2))
+        return float(known @ known + (e[:-ny] ** 2).sum() + ((e[-ny:] * w) ** 2).sum() + ((last * w_last) ** 2).sum())
 
     def _step(self, w: Array, w_last: Array) -> tuple[Trajectory, float]:
         """The Gauss-Newton step, and how far the sum of squares falls by it when the model is linear."""
@@ -308,7 +314,7 @@ class Window:
         else:
             s = np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size
         lower, upper = self.bounds[0] - here, self.bounds[1] - here
-        if np.all(s >= lower) and np.all(s <= upper):
+        if (s >= lower).all() and (s <= upper).all():
             return s
         found = lsq_linear(R / size, -d, bounds=(np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size), method="bvls")
         return np.asarray(found.x / size)
@@ -353,7 +359,9 @@ class Window:
 
     def spread(self) -> tuple[Array, NDArray[np.bool_]]:
         """Root L of the covariance L L' of the newest state and p, (n, ..), and of which of them nothing is known, (n,)."""
-        return root(self.told.Rd[:, :-1])
+        if self._root is None or self._root[0] is not self.told:
+            self._root = self.told, root(self.told.Rd[:, :-1])
+        return self._root[1]
 
     def surprise(self) -> Array:
         """The newest sample less its prediction over the deviation of that, (ny,), NaN where nothing is told; after `look_ahead`."""
@@ -383,7 +391,7 @@ def root(R: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Root (n, ..) of the covariance that the information R' R leaves, and of which of the unknowns it tells nothing."""
     size = _lengths(R)
     scaled = R / size
-    if np.abs(np.diag(scaled)).min() > SINGULAR and not np.any(np.tril(R, -1)):
+    if np.abs(np.diag(scaled)).min() > SINGULAR and not R[_below(len(R))].any():
         return np.asarray(lapack.dtrtri(scaled)[0] / size[:, None]), np.zeros(len(R), dtype=bool)
     _, s, Vt = np.linalg.svd(scaled)
     told = s > SINGULAR * s.max(initial=1e-300)
@@ -391,8 +399,14 @@ def root(R: Array) -> tuple[Array, NDArray[np.bool_]]:
     return half, np.any(np.abs(Vt[~told]) > np.sqrt(SINGULAR), axis=0)
 
 
+@cache
+def _below(n: int) -> NDArray[np.bool_]:
+    """The entries of a square matrix below its diagonal."""
+    return np.tri(n, k=-1, dtype=bool)
+
+
 def _lengths(R: Array) -> Array:
     """Of the columns, one for those that are zero."""
-    size = np.sqrt(np.sum(R**2, axis=0))
+    size = np.sqrt((R**2).sum(axis=0))
     size[size == 0] = 1.0
     return np.asarray(size)
