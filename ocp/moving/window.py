@@ -76,6 +76,7 @@ class Window:
         self.known: deque[Known | None] = deque([known])
         self.told = self.ahead = self.before = known
         self.passed = 0
+        self._seen: tuple[Trajectory, Array, Array] | None = None  # a trajectory and its residuals, samples last
         self._root: tuple[Known, tuple[Array, NDArray[np.bool_]]] | None = None  # of what is told, once it was asked for
         y = np.concatenate([known.reference[:nx], np.zeros(ip.interior), known.reference])
         forward, backward, spread = stage.links((y, self.here.p, typical))
@@ -168,7 +169,7 @@ class Window:
 
     def solve(self, limit: int, tolerance: float) -> Solve:
         """Gauss-Newton steps until one moves the estimates, or misses the cost, by less than `tolerance` deviations; at most `limit`."""
-        done = Solve(iterations=0, converged=False, size=np.inf, missed=np.inf)
+        done, self._seen = Solve(iterations=0, converged=False, size=np.inf, missed=np.inf), None
         for iteration in range(1, limit + 1):
             e, last, broken = self._errors(self.here, self.here.p)
             w, w_last = self._lessened(e, self.faith), self._lessened(last, self.faith_newest)
@@ -182,6 +183,7 @@ class Window:
             length, now, there, e, last = found
             missed = float(np.sqrt(abs(now - cost + promise * length * (2 - length))))
             self.here = there
+            self._seen = there, e, last
             reweighed = self._reweighed(e, w, self.faith) + self._reweighed(last, w_last, self.faith_newest)
             settled = small or (missed <= tolerance and reweighed <= SETTLED**2)
             done = Solve(iterations=iteration, converged=settled, size=size, missed=missed)
@@ -329,9 +331,13 @@ class Window:
         A doubted one that agrees with the trajectory is ordinary; as many as `run` in a row of an output, all too large or all too small,
         are no errors but what happened, and trusted.
         """
-        e, last, _ = self._errors(self.here, self.here.p)
+        seen = self._seen
+        e, last = (seen[1], seen[2]) if seen is not None and seen[0] is self.here else self._errors(self.here, self.here.p)[:2]
         ny, changed = len(self.corner), False
-        z, scale = np.column_stack([e[len(e) - ny :], last]), np.column_stack([self.d, np.zeros(len(self.d))])[len(self.d) - ny :]
+        z = np.column_stack([e[len(e) - ny :], last])
+        if not (self.faith.any() or self.faith_newest.any() or (np.abs(z) > self.corner[:, None]).any()):
+            return False
+        scale = np.column_stack([self.d, np.zeros(len(self.d))])[len(self.d) - ny :]
         scale[:, -1] = self.newest[len(self.newest) - ny :]
         faith = np.column_stack([self.faith, self.faith_newest])
         for i in np.flatnonzero((np.abs(z) > self.corner[:, None]).any(axis=1) | (faith == DOUBTED).any(axis=1)):
