@@ -11,6 +11,10 @@ On a linear model both are exact: the window is a Kalman filter, however short i
 
 Huber's loss is met by iteratively reweighted squares, one reweighting a step: the quadratic above it, which touches it at the trajectory in
 force, falls by the step and the loss with it.
+
+The same window as a nonlinear program has the same solution (`tests/benchmarks/tracking_solvers.py`: within 1e-8 deviations in the median,
+3e-4 at most). Warm-started Ipopt takes 4.0 times as long for it on an axis, fatrop 1.6 times, all in CasADi's virtual machine, and neither
+leaves the square roots that the arrival cost and the covariances are read from. So these steps are the only solver of a window.
 """
 
 from __future__ import annotations
