@@ -70,7 +70,7 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
     return DONE
 
 
-def run_stream(path: Path, options: Options, state: Path | None, iterations: int) -> int:
+def run_stream(path: Path, options: Options, state: Path | None, iterations: int, *, jit: bool = True) -> int:
     """Track rows that come in on standard input."""
     from .stream import stream, write_stream_result
 
@@ -79,13 +79,13 @@ def run_stream(path: Path, options: Options, state: Path | None, iterations: int
     warn = None if options.quiet else sys.stderr
     with _progress(options) as say, results_folder(options.out) if options.out else nullcontext() as folder:
         say("reading the study")
-        estimator = stream(study, state=state, iterations=iterations, as_json=options.json, say=say, warn=warn)
+        estimator = stream(study, state=state, iterations=iterations, jit=jit, as_json=options.json, say=say, warn=warn)
         if folder is not None:
             write_stream_result(estimator, folder, began)
     return DONE
 
 
-def run_track(path: Path, options: Options, iterations: int) -> int:
+def run_track(path: Path, options: Options, iterations: int, *, jit: bool = True) -> int:
     """Track a study's recordings with a moving horizon."""
     from ..report import write_tracking_report
     from ..tracking import track
@@ -98,7 +98,7 @@ def run_track(path: Path, options: Options, iterations: int) -> int:
         samples = study.horizon()
         problem = study.problem()
         shortest = min(len(r.time) for r in problem.fitted)
-        answer = track(problem, samples=samples or min(SAMPLES, shortest), iterations=iterations, progress=say)
+        answer = track(problem, samples=samples or min(SAMPLES, shortest), iterations=iterations, jit=jit, progress=say)
         say("writing the report")
         result = result_of_tracking(answer)
         write_result(result, folder / "result.json")

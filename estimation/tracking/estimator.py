@@ -58,6 +58,8 @@ class Estimator:
     problem: its fitted recordings tell the weights that it leaves open (`tuning.py`). samples: in the window. iterations: Gauss-Newton
     steps for a sample at most; 1 is the real-time iteration (M. Diehl, H. G. Bock & J. P. Schloeder, SIAM J. Control Optim. 43, 2005).
     update: how the arrival cost is carried on, "smoothing" or "filtering". degree: of the polynomials in a stage.
+    jit: compile the stages' equations with the C compiler, once (`ocp/moving/native.py`); without one, or where it fails, they are
+    evaluated by CasADi, to the same estimates, and `notes` says so.
     """
 
     def __init__(
@@ -69,11 +71,15 @@ class Estimator:
         update: Update = "smoothing",
         degree: int = 2,
         tuning: Tuning | None = None,
+        jit: bool = True,
         progress: Callable[[str], None] | None = None,
     ) -> None:
         if samples < 2 or iterations < 1:
             raise InputError(f"Estimator(samples={samples}, iterations={iterations}): needs 2 samples and 1 iteration at least.")
-        self.tuning = t = tuning or tuned(problem, progress or (lambda _: None))
+        say = progress or (lambda _: None)
+        self.tuning = t = tuning or tuned(problem, say)
+        if jit:
+            say("compiling the stages")
         self.problem, self.iterations = t.problem, iterations
         # of the problem as asked: as posed they are states
         self._drifting = {name: free for name, free in t.asked.varying.items() if free.drift is not None}
@@ -90,8 +96,9 @@ class Estimator:
             [[t.sampling / t.stages, 0.0], np.ones(2 * len(self._inputs)), np.zeros(len(scales)), 1 / self._force_std, scales]
         )
         length = samples * t.stages
-        self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update, self._reach())
-        self.room, self.readings = Room(stage, t.laws, self._force_std, length), Readings(stage)
+        self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update, self._reach(), jit=jit)
+        self.notes = (f"The stages are evaluated without C code, more slowly: {self.window.slow}.",) if self.window.slow else ()
+        self.room, self.readings = Room(stage, t.laws, self._force_std, t.noise, length, jit=jit and not self.notes), Readings(stage)
         self._scales, self.driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
         self.newest: float | None = None
         # the clock's own start would cost digits; only a model that knows the time needs it

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..polynomials import Array
@@ -13,10 +15,13 @@ PRECISE = 1e-9  # relative size of the last one
 
 
 class Prediction:
-    """(state at the start (nx,), p (np,), numbers of the stage (nd,), unknowns inside at first) -> state at the end, unknowns inside."""
+    """(state at the start (nx,), p (np,), numbers of the stage (nd,), unknowns inside at first) -> state at the end, unknowns inside.
 
-    def __init__(self, stage: Stage) -> None:
-        self._interpolation, self.balances = stage.interpolation, Called(stage.balances)
+    balances: the stage's, in another form.
+    """
+
+    def __init__(self, stage: Stage, balances: Any = None) -> None:
+        self._interpolation, self.balances = stage.interpolation, Called(stage.balances if balances is None else balances)
 
     def __call__(self, start: Array, p: Array, d: Array, inner: Array) -> tuple[Array, Array]:
         ip = self._interpolation

@@ -81,6 +81,11 @@ class Stage:
         slow = ca.jacobian_sparsity(dae.output, ca.vertcat(dae.dx, dae.z, dae.w))
         return tuple(i for i in range(dae.output.shape[0]) if i not in slow.row())
 
+    @cached_property
+    def direct(self) -> Any:
+        """What residual forces do to the outputs at once, (ny, n_soft)."""
+        return self._pieces.direct[1] if self._pieces.sees_forces else ca.SX(self.dae.output.shape[0], len(self.soft))
+
     # ---- functions
 
     @cached_property
