@@ -217,7 +217,7 @@ class Window:
                 if closer or now <= cost - ENOUGH * promise * t * (2 - t):
                     break
             rise = max(now - cost, -promise * t)
-            t = float(np.clip(promise * t**2 / (rise + 2 * promise * t), t / 10, t / 2)) if np.isfinite(rise) else t / 2
+            t = float(np.clip(promise * t**2 / (rise + 2 * promise * t), t / 10, 2 * t / 3)) if np.isfinite(rise) else t / 2
         return best
 
     def _errors(self, at: Trajectory, p_ref: Array) -> tuple[Array, Array, float]:
