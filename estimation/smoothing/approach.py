@@ -72,7 +72,7 @@ def approach(
     Widths of the laws that the user gave stay; those of the others end as they stand in `parameters`. least: place -> standard deviation
     that its residual force is given; it gets no less.
     """
-    hidden = bool(unseen_states(problem))
+    hidden, near = bool(unseen_states(problem)), _near(problem)
     rng, found = np.random.default_rng(0), []
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
@@ -80,8 +80,8 @@ def approach(
             say(f"another start, {number + 1} of {STARTS} at most")
             for i in problem.free:
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
-        begun = complete(problem, followed, laws, start) if hidden else followed
-        found.append(_descent(problem, begun, laws, start, least, say))
+        begun, start, share = complete(near, followed, laws, start) if hidden else (followed, start, 1.0)
+        found.append(_descent(near, begun, laws, start, share, least, say))
         if found[-1].share <= TIGHTEST:
             break
     best = min(found, key=lambda way: (way.share, way.unlikely))
@@ -91,10 +91,11 @@ def approach(
 
 
 def _descent(
-    problem: Problem,
+    near: Problem,
     followed: Followed,
     laws: tuple[FrictionLaw, ...],
     parameters: Array,
+    share: float,
     least: Mapping[int, float],
     say: Callable[[str], None],
 ) -> Approach:
@@ -103,11 +104,11 @@ def _descent(
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
     count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
-    near = _near(problem)
-    best, way, program, size, share, factor = np.inf, None, None, dict[int, float](), 1.0, FACTOR
+    best, way, program, size, factor = np.inf, None, None, dict[int, float](), FACTOR
+    share = float(np.clip(share, TIGHTEST, 1.0))
     while True:
-        rounded = _rounded(problem, followed, laws, parameters, share)
-        now = forces(problem, followed, rounded)
+        rounded = _rounded(near, followed, laws, parameters, share)
+        now = forces(near, followed, rounded)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         std = {k: max(share * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
         if program is None:
