@@ -30,7 +30,7 @@ from backsight.ocp.polynomials import Array
 from ..problem import Free, Problem
 from .along import forces
 from .program import Program, Settings, make_program, renewed
-from .rest import ROUNDING, FrictionLaw, rms_velocity
+from .rest import FrictionLaw, left_alone, rounded
 from .unseen import complete, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
@@ -107,22 +107,22 @@ def _descent(
     best, way, program, size, factor = np.inf, None, None, dict[int, float](), FACTOR
     share = float(np.clip(share, TIGHTEST, 1.0))
     while True:
-        rounded = _rounded(near, followed, laws, parameters, share)
-        now = forces(near, followed, rounded)
+        parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
+        now = forces(near, followed, parameters)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         std = {k: max(share * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
         if program is None:
             settings = Settings(options=OPTIONS, method="spline")
-            program = make_program(near, settings, horizons, followed, laws, std, rounded, rounded)
+            program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)
             followed = _followed(_held(program).solve(program.start, program.values, False, _silent), followed)
         cost = np.inf
         for _ in range(BATCHES if share <= TIGHT else 1):
-            program = renewed(program, near, followed, laws, std, rounded, rounded)
+            program = renewed(program, near, followed, laws, std, parameters, parameters)
             solution = program.solve(program.start, program.values, False, _silent)
             if not np.all(np.isfinite(solution.solved.decisions)):
                 cost = np.inf
                 break
-            followed, rounded = _followed(solution, followed), solution.parameters
+            followed, parameters = _followed(solution, followed), solution.parameters
             before, cost = cost, solution.solved.cost
             if solution.solved.status.converged or cost > (1.0 - PAID) * before:
                 break
@@ -130,29 +130,20 @@ def _descent(
         best = min(best, cost)
         if way is None or 2 * (cost - best) <= STRAINED * count:
             unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
-            way = Approach(followed=followed, parameters=rounded, force_std=std, share=share, unlikely=unlikely)
+            way = Approach(followed=followed, parameters=parameters, force_std=std, share=share, unlikely=unlikely)
             if share <= TIGHTEST:
                 return way
         else:
             factor = float(np.sqrt(factor))
             if factor < LEAST_FACTOR:
                 return way
-        followed, parameters = way.followed, way.parameters.copy()
+        followed, parameters = way.followed, way.parameters
         share = max(way.share / factor, TIGHTEST)
 
 
 def _followed(solution: Solution, before: Followed) -> Followed:
     t = solution.transcription
     return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, mean_square=before.mean_square)
-
-
-def _rounded(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], parameters: Array, share: float) -> Array:
-    """The parameters with every law that the user left alone rounded over a share of its velocity."""
-    out = parameters.copy()
-    for law in laws:
-        if problem.dae.parameters[law.width].name not in problem.parameters:
-            out[law.width] = max(share, ROUNDING) * (rms_velocity(problem, law, followed, parameters) or 1.0)
-    return out
 
 
 def _silent(_: str) -> None:

@@ -8,8 +8,9 @@ the followed samples from where it would rest, by the implicit midpoint rule, wi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
@@ -69,7 +70,7 @@ class Lags:
         arguments = self.along(followed, number, times)
         first = self._resting([a[:, :1] for a in arguments], parameters)
         p = np.repeat(parameters[:, None], len(times), axis=1)
-        after = np.asarray(self._step.mapaccum(len(times))(first, *arguments, p, h[None, :]), dtype=np.float64)
+        after = np.asarray(self._steps(len(times))(first, *arguments, p, h[None, :]), dtype=np.float64)
         both = np.hstack([first[:, None], after])
         lag, S = both[:n], both[2 * n :].reshape(len(self.free), n, len(instants)).transpose(1, 2, 0)
         return Run(
@@ -109,6 +110,11 @@ class Lags:
         by_lag = ca.jacobian(self._own, lag)
         answers = [lag - ca.solve(by_lag, self._own), -ca.solve(by_lag, ca.jacobian(self._own, p))]
         return ca.Function("rest", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p], [ca.densify(a) for a in answers])
+
+    @cached_property
+    def _steps(self) -> Callable[[int], Any]:
+        """How many of them -> steps in a row, each from where the last one ended."""
+        return cache(self._step.mapaccum)
 
     @cached_property
     def _step(self) -> Any:

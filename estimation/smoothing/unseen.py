@@ -21,7 +21,7 @@ from .along import forces
 from .initial_guess import start_decisions
 from .lag_fit import fitted
 from .lags import Lags, lags_of, simulated
-from .rest import FrictionLaw, rms_velocity
+from .rest import FrictionLaw, left_alone, rounded
 
 ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of their velocities, from solve to solve
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
@@ -48,27 +48,18 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
     unseen = set(unseen_states(problem))
     rows = lags_of(problem.dae, unseen)
     if len(rows) == len(unseen) and not problem.dae.algebraics and problem.free:
-        parameters, share = fitted(problem, rows, followed, _rounded(problem, followed, laws, start, ROUNDED[-1]))
-        for law in laws:
-            parameters[law.width] = start[law.width]
+        gently = rounded(problem, left_alone(problem, laws), followed, start, ROUNDED[-1])
+        parameters, share = fitted(problem, rows, followed, gently)
         return simulated(Lags(problem.dae, rows), followed, parameters), parameters, share
     return _completed(problem, simulated(Lags(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
-
-
-def _rounded(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array, share: float) -> Array:
-    """The parameters with the widths of all laws a share of the rms of their velocities."""
-    parameters = start.copy()
-    for law in laws:
-        parameters[law.width] = share * (rms_velocity(problem, law, followed, parameters) or 1.0)
-    return parameters
 
 
 def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
     """A smoothing problem with the parameters held and little room for the residual forces of the unseen."""
     nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
     own = _moving_unseen(problem)
-    for rounded in ROUNDED:
-        parameters = _rounded(problem, followed, laws, start, rounded)
+    for share in ROUNDED:
+        parameters = rounded(problem, laws, followed, start, share)
         # what moves what is seen may be anything yet: only the unseen is to go as the model says
         loose = forces(problem, followed, parameters)
         room = np.sqrt(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
