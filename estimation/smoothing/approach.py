@@ -6,7 +6,8 @@ So the residual forces get room for a share of the forces at their place, white 
     std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.32, 0.1, 0.03, 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
-velocity. A parameter is held near its first guess by a prior twice as wide as that, so that none runs away while little is known.
+velocity. Where lags brought parameters along (`lag_fit.py`) the way begins at the share that these leave over. A parameter is held near
+its first guess by a prior twice as wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
 becomes the problem's own. Where a step strains, samples and balances costing far more than while there was room, it is taken back and a
 smaller one tried: a friction law three times as sharp has other valleys.

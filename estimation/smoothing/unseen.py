@@ -2,7 +2,8 @@
 
 Samples cannot be followed where there are none. There the model says how the unseen states go with the seen ones, at the first guesses
 of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
-body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve.
+body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve. Lags (`lags.py`) are simulated
+instead; where there is nothing else to complete, the parameters come with them (`lag_fit.py`).
 """
 
 from __future__ import annotations
