@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .tracking.estimate import Estimate, Sample
     from .tracking.estimator import Estimator
     from .tracking.track import Tracking, track
+    from .weighing.weigh import Weighing, weigh
 
 _HOME = {
     "classical.armax": ("Armax", "Orders", "armax", "select_orders"),
@@ -53,6 +54,7 @@ _HOME = {
     "tracking.estimate": ("Estimate", "Sample"),
     "tracking.estimator": ("Estimator",),
     "tracking.track": ("Tracking", "track"),
+    "weighing.weigh": ("Weighing", "weigh"),
 }
 
 __all__ = [
@@ -80,6 +82,7 @@ __all__ = [
     "Study",
     "Tracked",
     "Tracking",
+    "Weighing",
     "Weights",
     "armax",
     "compare",
@@ -95,6 +98,7 @@ __all__ = [
     "state_variable_filter",
     "track",
     "two_stage",
+    "weigh",
     "zoh_prediction_error",
 ]
 
