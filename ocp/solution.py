@@ -101,9 +101,15 @@ class Solution:
 
     def leverage(self, number: int) -> Array:
         """Variance, given the data and the null directions, of a term's values m, not scaled; (K m, C)."""
-        J = self.jacobian_of_rows(number)
-        C = self.interval_covariance[self.transcription.nlp.terms[number].interval]
-        return np.asarray(np.einsum("rmi,rmi->mr", J @ C, J), dtype=np.float64)
+        if number not in self._leverages:  # every family of its rows asks for it
+            J = self.jacobian_of_rows(number)
+            C = self.interval_covariance[self.transcription.nlp.terms[number].interval]
+            self._leverages[number] = np.asarray(np.einsum("rmi,rmi->mr", J @ C, J), dtype=np.float64)
+        return self._leverages[number]
+
+    @cached_property
+    def _leverages(self) -> dict[int, Array]:
+        return {}
 
     def variance(self, number: int) -> Array:
         """Variance, given the data, of a term's values m, not scaled; inf where they do not determine it; (K m, C)."""

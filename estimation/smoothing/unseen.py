@@ -2,12 +2,11 @@
 
 Samples cannot be followed where there are none. There the model says how the unseen states go with the seen ones, at the first guesses
 of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
-body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve.
+body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve. Lags (`lags.py`) are simulated
+instead; where there is nothing else to complete, the parameters come with them (`lag_fit.py`).
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -15,18 +14,18 @@ import numpy as np
 from backsight.ocp import Options, ParameterPrior, Solver, transcribe
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import driven_outputs, linearise
-from backsight.ocp.passing import passing_through
 from backsight.ocp.polynomials import Array
 from backsight.ocp.scaling import scaled
 
 from ..problem import Problem
 from .along import forces
 from .initial_guess import start_decisions
-from .rest import FrictionLaw, rms_velocity
+from .lag_fit import fitted
+from .lags import Lags, lags_of, simulated
+from .rest import FrictionLaw, left_alone, rounded
 
 ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of their velocities, from solve to solve
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
-NEWTON_STEPS = 20
 LOOKED_AT = 20  # places of a recording where the model is linearised
 OPTIONS = Options(tolerance=1e-3, gauss_newton_iterations=20, max_passes=1)  # of a start: what comes after moves it again
 
@@ -41,15 +40,27 @@ def unseen_states(problem: Problem) -> list[str]:
     return [q.name for i, q in enumerate(dae.states) if i not in seen]
 
 
-def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
-    """The followed trajectories with the unseen states moved as the model, at parameters start (np_all,), moves them."""
+def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> tuple[Followed, Array, float]:
+    """The followed trajectories with the unseen states moved as the model moves them, at which parameters (np_all,), and how well.
+
+    Lags bring parameters along with which they balance what is seen; then the share of its forces that a balance leaves over at most.
+    Else parameters are those given, and nobody knows: 1. Free parameters have a std about their guesses.
+    """
+    unseen = set(unseen_states(problem))
+    rows = lags_of(problem.dae, unseen)
+    if len(rows) == len(unseen) and not problem.dae.algebraics and problem.free:
+        gently = rounded(problem, left_alone(problem, laws), followed, start, ROUNDED[-1])
+        parameters, share = fitted(problem, rows, followed, gently)
+        return simulated(Lags(problem.dae, rows), followed, parameters), parameters, share
+    return _completed(problem, simulated(Lags(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
+
+
+def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
+    """A smoothing problem with the parameters held and little room for the residual forces of the unseen."""
     nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
-    followed = _settled(problem, followed, start)
     own = _moving_unseen(problem)
-    for rounded in ROUNDED:
-        parameters = start.copy()
-        for law in laws:
-            parameters[law.width] = rounded * (rms_velocity(problem, law, followed, parameters) or 1.0)
+    for share in ROUNDED:
+        parameters = rounded(problem, laws, followed, start, share)
         # what moves what is seen may be anything yet: only the unseen is to go as the model says
         loose = forces(problem, followed, parameters)
         room = np.sqrt(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
@@ -62,46 +73,6 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
         if not laws:
             break
     return followed
-
-
-def _settled(problem: Problem, followed: Followed, parameters: Array) -> Followed:
-    """Followed trajectories with every unseen state of first order where its own balance lets it rest at that instant.
-
-    A lag is then near its input, and not at zero, where a law may be singular (a thrust has no slope at rest).
-    """
-    dae, t, alone = problem.dae, followed.transcription, unseen_lags(problem)
-    if not alone:
-        return followed
-    x, F = ca.vertcat(*(dae.x[i] for i in alone)), dae.residual[list(alone.values())]
-    here = ca.substitute(F, ca.vertcat(dae.dx, dae.w), ca.SX.zeros(dae.dx.shape[0] + dae.w.shape[0]))
-    step = ca.Function("step", [dae.x, dae.z, dae.u, dae.p, dae.t], [x - ca.solve(ca.jacobian(here, x), here)])
-    first = np.array([dae.states[i].start or dae.states[i].nominal for i in alone])
-
-    def curve(number: int, times: Array) -> tuple[Array, Array]:
-        _, states, z = followed.at(number, times)
-        horizon, now = followed.horizons[number], np.repeat(first[:, None], len(times), axis=1)
-        for _ in range(NEWTON_STEPS):
-            states[list(alone)] = now
-            now = np.asarray(step.map(len(times))(states, z, horizon.input_at(times), parameters, horizon.clock + times[None, :]))
-        usable = np.isfinite(now).all(axis=0)
-        states[list(alone)] = np.where(usable, now, first[:, None])
-        return states, z
-
-    return replace(followed, decisions=np.concatenate([passing_through(t, curve), followed.decisions[t.nlp.trajectory_size :]]))
-
-
-def unseen_lags(problem: Problem) -> dict[int, int]:
-    """Unseen states of first order, each with the row of its own balance, which depends on it."""
-    dae = problem.dae
-    unseen, alone = set(unseen_states(problem)), {}
-    moved = {i for i, _, _ in dae.kinematics} | {j for _, j, _ in dae.kinematics}
-    for row, equation in enumerate(dae.equations):
-        rates = set(ca.jacobian_sparsity(dae.residual[row], dae.dx).get_col())
-        if equation.place is None or len(rates) != 1 or rates & moved or dae.states[min(rates)].name not in unseen:
-            continue
-        if ca.jacobian_sparsity(dae.residual[row], dae.x[min(rates)]).nnz():
-            alone[min(rates)] = row
-    return alone
 
 
 def _moving_unseen(problem: Problem) -> set[int]:

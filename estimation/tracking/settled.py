@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 
 from ..problem import Problem
-from ..smoothing.unseen import unseen_lags
+from ..smoothing.lags import lags_of
+from ..smoothing.unseen import unseen_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -21,7 +22,7 @@ STEPS = 20  # Newton's
 
 def settled(problem: Problem, inputs: Array, time: float, within: float) -> dict[str, float]:
     """Unseen states of first order whose time constants are shorter than `within` [s] -> where they rest under the inputs (nu,)."""
-    dae, lags = problem.dae, unseen_lags(problem)
+    dae, lags = problem.dae, lags_of(problem.dae, set(unseen_states(problem)))
     if not lags:
         return {}
     own, rows = list(lags), list(lags.values())

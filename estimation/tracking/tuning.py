@@ -97,7 +97,7 @@ def _along(problem: Problem) -> _Found:
     plain, posed = problem.plain, problem.posed
     followed, parameters, laws = follow_closely(plain, output_stds(plain)[0], None), plain.values, friction_laws(plain)
     if unseen_states(plain):
-        followed = complete(plain, followed, laws, parameters)
+        followed, parameters, _ = complete(plain, followed, laws, parameters)
     for index, width in smoothing_widths(plain, laws, followed).items():
         parameters[index] = width
     return _Found(
