@@ -23,6 +23,7 @@ from backsight.ocp.moving.stage import Stage
 from ..problem import Problem, Weights
 from ..recordings.gaps import gap_limit
 from ..recordings.recording import Recording
+from ..recordings.split import rows_of
 from ..smoothing.horizons import output_stds
 from ..smoothing.lifted import lifted, measured_by
 from ..smoothing.meshing import follow_closely
@@ -211,8 +212,7 @@ def _leading(recording: Recording, rows: int) -> Recording:
     """Its first rows."""
     if len(recording.time) <= rows:
         return recording
-    inputs = {name: u[:rows] for name, u in recording.inputs.items()}
-    return replace(recording, time=recording.time[:rows], inputs=inputs, outputs={name: y[:rows] for name, y in recording.outputs.items()})
+    return rows_of(recording, slice(0, rows))
 
 
 def _robust(recording: Recording) -> Recording:
