@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .tracking.estimator import Estimator
     from .tracking.phases import LawPhase, PhaseEstimate, PhaseEstimator, follow_phases
     from .tracking.track import Tracking, track
+    from .weighing.weigh import Weighing, weigh
 
 _HOME = {
     "classical.armax": ("Armax", "Orders", "armax", "select_orders"),
@@ -55,6 +56,7 @@ _HOME = {
     "tracking.estimator": ("Estimator",),
     "tracking.phases": ("LawPhase", "PhaseEstimate", "PhaseEstimator", "follow_phases"),
     "tracking.track": ("Tracking", "track"),
+    "weighing.weigh": ("Weighing", "weigh"),
 }
 
 __all__ = [
@@ -85,6 +87,7 @@ __all__ = [
     "Study",
     "Tracked",
     "Tracking",
+    "Weighing",
     "Weights",
     "armax",
     "compare",
@@ -101,6 +104,7 @@ __all__ = [
     "state_variable_filter",
     "track",
     "two_stage",
+    "weigh",
     "zoh_prediction_error",
 ]
 

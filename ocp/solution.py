@@ -57,7 +57,7 @@ class Solution:
         """Covariances from the Gauss-Newton KKT matrix; None where it is not that of a minimum."""
         hessian, jacobian, softness = self.solver.kkt(self.solved.decisions, self.values)
         try:
-            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, self._known)
+            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, self.held)
         except np.linalg.LinAlgError:
             return None
         return found if found.definite else None
@@ -143,7 +143,7 @@ class Solution:
         )
 
     @property
-    def _known(self) -> NDArray[np.int64]:
+    def held(self) -> NDArray[np.int64]:
         """Decisions that cannot move: initial states with standard deviation zero, and what is held by a bound."""
         exact = np.array([h.initial_std == 0 for h in self.transcription.horizons])
         return np.union1d(self.transcription.starts[exact], np.array(self.solved.on_bound, dtype=np.int64)).astype(np.int64)

@@ -173,6 +173,22 @@ def track(
     return run_track(study, options, iterations)
 
 
+@app.command()
+def weigh(
+    study: StudyArgument,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Study the weighting matrices: which W and V the data want, and what hangs on them."""
+    from .commands import Options, run_weigh
+
+    return run_weigh(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+
+
 def _report(error: Exception) -> int:
     """Say in one line what went wrong, and return the status that means it."""
     if os.environ.get("BACKSIGHT_TRACEBACK") == "1":

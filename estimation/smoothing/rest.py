@@ -19,6 +19,7 @@ from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
+from ..supposed import PARAMETER
 from .along import along
 
 Room = NDArray[np.bool_]
@@ -53,7 +54,8 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
     numbers = ca.DM(problem.values)
     for index, parameter in enumerate(dae.parameters):
         component = parameter.name.rsplit(".", 1)[0]
-        presliding = any(q.name.startswith(f"{component}.") for q in dae.states)  # a law with a state of its own holds a body by itself
+        own = [q.name for q in dae.states if q.name.startswith(f"{component}.") and f"{PARAMETER}{q.name}" not in problem.weights.W]
+        presliding = bool(own)  # a law with a state of its own, not a parameter that drifts, holds a body by itself
         if not parameter.smoothing or parameter.unit not in VELOCITY_UNITS or presliding:
             continue
         velocity = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)

@@ -69,13 +69,7 @@ def _settled(problem: Problem, followed: Followed, parameters: Array) -> Followe
 
     A lag is then near its input, and not at zero, where a law may be singular (a thrust has no slope at rest).
     """
-    dae, t = problem.dae, followed.transcription
-    unseen, alone = set(unseen_states(problem)), {}
-    moved = {i for i, _, _ in dae.kinematics} | {j for _, j, _ in dae.kinematics}
-    for row, equation in enumerate(dae.equations):
-        rates = set(ca.jacobian_sparsity(dae.residual[row], dae.dx).get_col())
-        if equation.place is not None and len(rates) == 1 and not rates & moved and dae.states[min(rates)].name in unseen:
-            alone[min(rates)] = row
+    dae, t, alone = problem.dae, followed.transcription, unseen_lags(problem)
     if not alone:
         return followed
     x, F = ca.vertcat(*(dae.x[i] for i in alone)), dae.residual[list(alone.values())]
@@ -94,6 +88,20 @@ def _settled(problem: Problem, followed: Followed, parameters: Array) -> Followe
         return states, z
 
     return replace(followed, decisions=np.concatenate([passing_through(t, curve), followed.decisions[t.nlp.trajectory_size :]]))
+
+
+def unseen_lags(problem: Problem) -> dict[int, int]:
+    """Unseen states of first order, each with the row of its own balance, which depends on it."""
+    dae = problem.dae
+    unseen, alone = set(unseen_states(problem)), {}
+    moved = {i for i, _, _ in dae.kinematics} | {j for _, j, _ in dae.kinematics}
+    for row, equation in enumerate(dae.equations):
+        rates = set(ca.jacobian_sparsity(dae.residual[row], dae.dx).get_col())
+        if equation.place is None or len(rates) != 1 or rates & moved or dae.states[min(rates)].name not in unseen:
+            continue
+        if ca.jacobian_sparsity(dae.residual[row], dae.x[min(rates)]).nnz():
+            alone[min(rates)] = row
+    return alone
 
 
 def _moving_unseen(problem: Problem) -> set[int]:

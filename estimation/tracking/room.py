@@ -54,7 +54,7 @@ class Room:
         half, unknown = window.spread()
         std = np.sqrt(np.sum((slope @ half) ** 2, axis=1))
         std[(np.abs(slope[:, unknown]) > 0).any(axis=1)] = np.inf
-        self.doubt = np.column_stack([self.doubt, DOUBT * std])[:, -k:]
+        self.doubt = np.column_stack([self.doubt, np.tile(DOUBT * std[:, None], window.passed)])[:, -k:]
         doubt = np.full((len(self.laws), k), np.inf)
         doubt[:, k - self.doubt.shape[1] :] = self.doubt
         h, rows = window.d[0], self._rows(window)

@@ -46,29 +46,40 @@ class Window:
     scales are what they are without loss. known: of every knot what the stages before it tell, None where it was not asked yet.
     corner (ny,): where Huber's loss of an output begins [deviations]; SQUARES where it does not. faith (ny, k) and (ny,): of every
     sample TRUSTED, as a square all the same, DOUBTED, not at all for now, or ORDINARY. bounds: of the newest x and of p, each (n,).
+    reach (n,): how far a step may go that nothing tells, inf for any length.
     told: what all samples tell of the newest state and p; ahead: what they told of it before its own
     sample, or of the knot `passed` stages before; before: what they tell of the knot before the newest without its own.
     """
 
     def __init__(
-        self, stage: Stage, length: int, known: Known, typical: Array, bounds: tuple[Array, Array], corner: Array, update: Update
+        self,
+        stage: Stage,
+        length: int,
+        known: Known,
+        typical: Array,
+        bounds: tuple[Array, Array],
+        corner: Array,
+        update: Update,
+        reach: Array | None = None,
     ) -> None:
         ip = stage.interpolation
         nx = ip.states
         self.stage, self.length, self.bounds, self.corner, self.update = stage, length, bounds, corner, update
+        self._reach = np.full(stage.size, np.inf) if reach is None else reach
         self.here = Trajectory(known.reference[:nx, None].copy(), np.empty((ip.interior, 0)), known.reference[nx:].copy())
         self.d, self.newest = np.empty((stage.numbers, 0)), np.zeros(stage.last.size1_in(2))
         self.faith, self.faith_newest = np.empty((len(corner), 0), dtype=np.int8), np.zeros(len(corner), dtype=np.int8)
         self.known: deque[Known | None] = deque([known])
         self.told = self.ahead = self.before = known
         self.passed = 0
-        y = np.concatenate([known.reference[:nx], np.zeros(ip.interior), known.reference])
+        y = np.concatenate([known.reference[:nx], stage.at_rest, known.reference])
         forward, backward, spread = stage.links((y, self.here.p, typical))
         self._spread = Called(spread)
         self._forward, self._forwards = Called(forward), Called(forward.mapaccum("forwards", length))
         self._backward, self._backwards = Called(backward), Called(backward.mapaccum("backwards", length))
         self._residual, self._residuals = Called(stage.residuals), Called(stage.residuals.map(length))
         self._last, self._rows, self._predicted = Called(stage.last), Called(stage.rows), Prediction(stage)
+        self._exact = stage.rows.size1_out(2)
 
     @property
     def count(self) -> int:
@@ -82,7 +93,7 @@ class Window:
         if self.count == self.length:
             self._leave()
         here = self.here
-        x, inner = self._predicted(here.x[:, -1], here.p, d)
+        x, inner = self._predicted(here.x[:, -1], here.p, d, here.inner[:, -1] if here.inner.shape[1] else self.stage.at_rest)
         self.here = Trajectory(np.column_stack([here.x, x]), np.column_stack([here.inner, inner]), here.p)
         self.d = np.column_stack([self.d, d])
         self.known.append(None)
@@ -156,10 +167,13 @@ class Window:
             step, promise = self._step(w, w_last)
             length, size = 1.0, float(np.sqrt(max(promise, 0.0)))
             while True:
-                there = self.here.moved(step, length)
-                e, last, open_ = self._errors(there, self.here.p)
-                now = self._cost(there, e, last, w, w_last)
-                if now <= cost - SUFFICIENT * length * promise or open_ < broken / 4 or size <= tolerance:
+                for way in (self.here.moved, self._rolled):
+                    there = way(step, length)
+                    e, last, open_ = self._errors(there, self.here.p)
+                    now = self._cost(there, e, last, w, w_last)
+                    if good := now <= cost - SUFFICIENT * length * promise or open_ < broken / 4 or size <= tolerance:
+                        break
+                if good:
                     break
                 length /= 2
                 if length < SHORTEST or not np.isfinite(promise):
@@ -172,6 +186,25 @@ class Window:
             if done.converged:
                 break
         return done
+
+    def _rolled(self, step: Trajectory, length: float) -> Trajectory:
+        """Some way along a step in the first state, p and the residual forces, the other states as the balances then have them.
+
+        Where balances are tight the cost rises steeply along the straight line of a good step, by what that leaves of their curves. Along
+        this curve they stay as the linear model has them (a second-order correction).
+        """
+        at, balances = self.here, self._predicted.balances
+        out = at.moved(step, length)
+        now, there, dy, nx, own = at.stages, out.stages, step.stages, len(at.x), self.stage.interpolation.local
+        for k in range(self.count):
+            e, J = balances(now[:, k], at.p, self.d[:, k])
+            wanted = e[:, 0] + length * (J @ dy[:, k])
+            wanted[: self._exact] = 0.0
+            y = there[:, k].copy()
+            y[:nx] = out.x[:, k]
+            y = self._predicted.solved(y, at.p, self.d[:, k], wanted)
+            out.inner[:, k], out.x[:, k + 1] = y[nx : own - nx], y[own - nx : own]
+        return out
 
     def _errors(self, at: Trajectory, p_ref: Array) -> tuple[Array, Array, float]:
         """e_s (m, k) of all stages and e (ny,) of the newest sample, without loss, and the squares of what is to be zero.
@@ -214,22 +247,27 @@ class Window:
     def _step(self, w: Array, w_last: Array) -> tuple[Trajectory, float]:
         """The Gauss-Newton step, and how far the sum of squares falls by it when the model is linear."""
         at, n, nx, k = self.here, self.stage.size, self.stage.interpolation.states, self.count
-        roots, E, promise = self._swept(self._weighed(self.d, w))
+        d, arrival = self._weighed(self.d, w), self._arrival(at)
+        roots, E, promise = self._swept(arrival, d)
         for j in range(k):
             if self.known[j + 1] is None:
                 self.known[j + 1] = Known(
                     Rd=roots[:, j * (n + 1) : (j + 1) * (n + 1)].copy(), reference=np.concatenate([at.x[:, j + 1], at.p])
                 )
-        end = roots[:, (k - 1) * (n + 1) :] if k else self._arrival(at)
-        e, J = self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))
-        Rd = np.asarray(np.linalg.qr(np.vstack([end, np.hstack([J, e])]), mode="r"), dtype=np.float64)[:n]
+        end = roots[:, (k - 1) * (n + 1) :] if k else arrival
+        last = np.hstack(self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))[::-1])
+        Rd = _joined(end, last)
         newest = np.concatenate([at.x[:, -1], at.p])
         self.ahead, self.told, self.passed = Known(Rd=end.copy(), reference=newest), Known(Rd=Rd, reference=newest), 0
         if k > 1:
             before = np.concatenate([at.x[:, -2], at.p])
             self.before = Known(Rd=roots[:, (k - 2) * (n + 1) : (k - 1) * (n + 1)].copy(), reference=before)
         elif k == 1:
-            self.before = Known(Rd=self._arrival(at), reference=np.concatenate([at.x[:, 0], at.p]))
+            self.before = Known(Rd=arrival, reference=np.concatenate([at.x[:, 0], at.p]))
+        if self._adrift(Rd):
+            near = _joined(arrival, np.column_stack([np.diag(1 / self._reach), np.zeros(n)]))
+            roots, E, promise = self._swept(near, d)
+            Rd = _joined(roots[:, (k - 1) * (n + 1) :] if k else near, last)
         right = self._bounded(Rd, newest)
         left = Rd[:, :n] @ right + Rd[:, n]
         promise += float(Rd[:, n] @ Rd[:, n] - left @ left)
@@ -245,9 +283,20 @@ class Window:
                 dx[:, j], inner[:, j] = now[:nx], inside
         return Trajectory(dx, inner, right[nx:].copy()), promise
 
-    def _swept(self, d: Array) -> tuple[Array, Array, float]:
-        """Rd of every next knot and E of every stage, side by side, and the squares that go."""
-        at, Rd = self.here, self._arrival(self.here)
+    def _adrift(self, Rd: Array) -> bool:
+        """Whether a state is told less well than to its reach.
+
+        Then the first knot moves no further than to the reach in a step, by a proximal point (R. T. Rockafellar, SIAM J. Control Optim.
+        14, 1976): away from here the linear model says nothing. The solution stays where it is, and what is told of it too.
+        """
+        if not np.isfinite(self._reach).any():
+            return False
+        half, unknown = root(Rd[:, :-1])
+        return bool(np.any((unknown | (np.sum(half**2, axis=1) > self._reach**2)) & np.isfinite(self._reach)))
+
+    def _swept(self, Rd: Array, d: Array) -> tuple[Array, Array, float]:
+        """Rd of every next knot and E of every stage, side by side, and the squares that go; Rd: of the first knot."""
+        at = self.here
         if self.count == self.length:
             roots, E, squares = self._forwards(Rd, at.stages, at.parameters, d)
             return roots, E, float(squares.sum())
@@ -351,6 +400,11 @@ def root(R: Array) -> tuple[Array, NDArray[np.bool_]]:
     told = s > SINGULAR * s.max(initial=1e-300)
     half = Vt[told].T / s[told] / size[:, None]
     return half, np.any(np.abs(Vt[~told]) > np.sqrt(SINGULAR), axis=0)
+
+
+def _joined(Rd: Array, rows: Array) -> Array:
+    """What a square root and more rows tell together."""
+    return np.asarray(np.linalg.qr(np.vstack([Rd, rows]), mode="r"), dtype=np.float64)[: len(Rd)]
 
 
 def _lengths(R: Array) -> Array:
