@@ -110,7 +110,7 @@ def maximise(
 
 
 def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[str], None] | None = None) -> tuple[float, float]:
-    """p that weight f is zero, and the theta_f that was taken for it: the largest that cannot be told from it."""
+    """p that weight f is zero, NaN where a solve did not arrive, and the theta_f taken for zero: the largest that cannot be told from it."""
     theta, start, others = best.theta.copy(), best.solution.solved.decisions, moving.copy()
     others[f] = False
     for _ in range(STEPS_DOWN):
@@ -120,6 +120,8 @@ def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[s
         theta[f] -= LOWER
         start = here.solution.solved.decisions
     gone = maximise(turned, theta, others, start)
+    if not all(found.solution.solved.status.converged for found in (best, gone)):
+        return float("nan"), float(theta[f])
     ratio = 2.0 * (best.likelihood.value - gone.likelihood.value)
     p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
     if say is not None:
