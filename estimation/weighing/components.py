@@ -110,7 +110,7 @@ def maximise(
 
 
 def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[str], None] | None = None) -> tuple[float, float]:
-    """p that weight f is zero, NaN where a solve did not arrive, and the theta_f taken for zero: the largest that cannot be told from it."""
+    """p that weight f is zero, NaN where a solve did not arrive, and theta_f taken for zero: the largest not to be told from it."""
     theta, start, others = best.theta.copy(), best.solution.solved.decisions, moving.copy()
     others[f] = False
     for _ in range(STEPS_DOWN):
