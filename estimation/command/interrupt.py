@@ -65,13 +65,13 @@ def written(out: Path) -> None:
     _results.append(out)
 
 
-def kept(folder: Path) -> None:
-    """Remember where finished parts are kept, from which the same command goes on."""
-    _kept.append(folder)
+def kept(path: Path) -> None:
+    """Remember the file or folder where finished parts are kept, from which the same command goes on."""
+    _kept.append(path)
 
 
 def said() -> str:
     """What an interrupted command left behind."""
-    if not _results and _kept and _kept[-1].is_dir():
+    if not _results and _kept and _kept[-1].exists():
         return f"interrupted: what is finished is kept in {_kept[-1]}; the same command goes on from there"
     return f"interrupted: the results are in {_results[-1]}" if _results else "interrupted: nothing was written"

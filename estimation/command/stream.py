@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -16,7 +18,7 @@ from backsight.models.errors import InputError
 
 from ..recordings.rows import Row, RowReader
 from ..study.study import Study
-from .interrupt import check, held
+from .interrupt import check, held, kept
 from .output import json_text
 
 if TYPE_CHECKING:
@@ -30,7 +32,11 @@ def stream(
 
     state: a file that the estimator resumes from, if it is there, and that its state is written to at the end and when it is interrupted.
     """
+    if state is not None and not os.access(state if state.exists() else state.absolute().parent, os.W_OK):
+        raise InputError(f"--state {state}: it cannot be written; choose another file")
     estimator, every = _estimator(study, state, iterations, jit, say), study.streamed.every
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")  # a byte that is no text makes an unreadable cell, and no end
     lines = iter(sys.stdin)
     header = next(lines, "")
     if not header.strip():
@@ -68,7 +74,12 @@ def _estimator(study: Study, state: Path | None, iterations: int, jit: bool, say
     constants = {name: replace(p, per_recording=False) if isinstance(p, Free) else p for name, p in problem.parameters.items()}
     problem = replace(problem, parameters=constants)
     if state is not None and state.exists():
-        return resumed(problem, state, jit=jit)
+        estimator, samples = resumed(problem, state, jit=jit), study.horizon()
+        if samples is not None and samples != estimator.samples:
+            was = f"was made with a horizon of {estimator.samples} samples and the study says {samples}"
+            raise InputError(f"--state {state}: it {was}; remove it to start anew")
+        estimator.iterations = iterations
+        return estimator
     say("finding what the study leaves open")
     samples = study.horizon()
     return Estimator(problem, samples=SAMPLES if samples is None else samples, iterations=iterations, jit=jit, progress=say)
@@ -84,6 +95,7 @@ def _kept(estimator: Estimator, state: Path | None) -> Iterator[None]:
         if state is not None:
             with held():
                 save(estimator, state)
+                kept(state)
 
 
 def _rows(reader: RowReader, lines: Iterator[str]) -> Iterator[Row]:

@@ -33,6 +33,19 @@ class Driven:
         self.times.append(time)
         self.values.append(self.last)
 
+    def add(self, time: float, values: Array) -> None:
+        """The same, but what is known of later times stays."""
+        later = [(t, u) for t, u in zip(self.times, self.values, strict=True) if t > time]
+        last = self.last
+        if later:
+            before = [u for t, u in zip(self.times, self.values, strict=True) if t <= time]
+            values = np.where(np.isfinite(values), values, before[-1] if before else later[0][1])
+        self.put(time, values)
+        for t, u in later:
+            self.times.append(t)
+            self.values.append(u)
+            self.last = last
+
     def clear(self) -> None:
         """Nothing of before; the last values go on."""
         self.times, self.values = [], []

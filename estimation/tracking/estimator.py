@@ -46,6 +46,7 @@ TOLERANCE = 0.02  # standard deviations: what the last one may still move
 USABLE = 0.3  # standard deviations: where all steps are used up and the last one moved no more than this, the estimate serves
 WIDE = 2.0  # prior of a parameter of which only a guess is given, over that guess: few samples do not carry it away
 EXACT = 1e-9  # of a state's nominal size: what is known exactly
+ABSURD = 1e100  # deviations: a mark that there is no sample, and none
 SAME = 1e-6  # of the sampling interval: times that are one
 MOVING = (Outcome.ESTIMATED, Outcome.PREDICTED, Outcome.DOUBTED, Outcome.FAILED)  # outcomes of a sample that follows the last one
 GATE = 5.0  # standard deviations of a prediction beyond which a sample waits for others like it
@@ -99,6 +100,7 @@ class Estimator:
         self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update, self._reach(), jit=jit)
         self.notes = (f"The stages are evaluated without C code, more slowly: {self.window.slow}.",) if self.window.slow else ()
         self.room, self.readings = Room(stage, t.laws, self._force_std, t.noise, length, jit=jit and not self.notes), Readings(stage)
+        self.samples = samples
         self._scales, self.driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
         self.newest: float | None = None
         # the clock's own start would cost digits; only a model that knows the time needs it
@@ -112,8 +114,9 @@ class Estimator:
     # ---- what comes in
 
     def hold(self, time: float, inputs: Mapping[str, float]) -> None:
-        """The inputs changed at a time [s] between samples; those left out or NaN stay what they are."""
-        self.driven.put(time - self.origin, self._acting(inputs))
+        """The inputs changed at a time [s] after the newest sample; those left out or NaN stay what they are. Too late it is no matter."""
+        if self.newest is None or self._anew or time > self.newest + SAME * self.tuning.sampling:
+            self.driven.add(time - self.origin, self._acting(inputs))
 
     def update(self, sample: Sample) -> Estimate:
         """The estimate at the sample's time, or, if that has passed, the newest one with what a late sample adds to it.
@@ -125,12 +128,13 @@ class Estimator:
             raise InputError(f"update: time is {sample.time}; a sample has a finite time in seconds.")
         inputs = self._acting(sample.inputs)
         read = self._vector(sample.outputs, self._outputs, "output")
+        read = np.where(np.abs(read) < ABSURD / np.maximum(self._scales, 1.0), read, np.nan)
         late = self.newest is not None and not self._anew and sample.time <= self.newest + SAME * self.tuning.sampling
         outcome, done, surprise = self._filled(sample.time, read) if late else self._moved(sample.time, inputs, read)
         if outcome is Outcome.LATE and self.estimate is not None:
             estimate = replace(self.estimate, outcome=outcome, iterations=0, seconds=clock.perf_counter() - began)
         else:
-            estimate = self._read(outcome, done, surprise, began)
+            estimate = self._read(outcome, done, surprise, began, moved=not late)
         self.estimate = estimate
         self.latency.add(estimate.seconds)
         self.steps += estimate.iterations
@@ -242,7 +246,7 @@ class Estimator:
         self._predicted = predicted, window.ahead
         try:
             done = window.solve(self.iterations, TOLERANCE)
-            if window.review(RUN):
+            if window.review(RUN, GATE):
                 again = window.solve(self.iterations, TOLERANCE)
                 done = replace(again, iterations=done.iterations + again.iterations)
             sound = bool(np.all(np.isfinite(window.here.x[:, -1])) and np.all(np.isfinite(window.told.Rd)))
@@ -251,11 +255,12 @@ class Estimator:
         if not sound:
             window.give_up(predicted)
             return replace(done, converged=False)
-        return replace(done, converged=done.converged or done.size <= USABLE or self.iterations == 1)
+        found = bool(np.isfinite(done.missed))  # a step along which the cost falls
+        return replace(done, converged=done.converged or (found and (done.size <= USABLE or self.iterations == 1)))
 
     # ---- what goes out
 
-    def _read(self, outcome: Outcome, done: Solve, surprise: Array, began: float) -> Estimate:
+    def _read(self, outcome: Outcome, done: Solve, surprise: Array, began: float, *, moved: bool) -> Estimate:
         window, t, ns = self.window, self.tuning, len(self._force_std)
         nx, ny, at = len(self._states), len(self._outputs), window.here
         half, unknown = window.spread()
@@ -269,7 +274,7 @@ class Estimator:
         w, w_std = window.forces() if window.count else (np.zeros(ns), np.full(ns, np.inf))
         sample, scale = window.newest[1 + len(self._inputs) :][:ny], window.newest[-ny:]
         acted = window.d[2 : 2 + 2 * len(self._inputs), -1].reshape(2, -1).mean(axis=0) if window.count else self.driven.last
-        if outcome in MOVING and window.count >= t.stages:
+        if moved and outcome in MOVING and window.count >= t.stages:
             for j in range(window.count - t.stages, window.count):
                 self.layout.move(at.stages[:, j], p, window.d[:, j], at.x[:, j], at.x[:, j + 1])
         read = self.layout.read(Found(x=x, x_std=std[:nx], p=p, p_std=std[nx:], w=w, w_std=w_std, u=acted))

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 
+import casadi as ca
 import numpy as np
 import pandas as pd
 
@@ -104,6 +105,9 @@ class PhaseEstimator:
         self._bank = Bank(self._models.moving, hypotheses, self.sampling)
         self.newest: float | None = None
         self.estimate: PhaseEstimate | None = None
+        # the clock's own start would cost digits; only a model that knows the time needs it
+        self._timed = ca.depends_on(ca.vertcat(posed.dae.residual, posed.dae.output), posed.dae.t)
+        self._origin = 0.0
 
     def update(self, sample: Sample) -> PhaseEstimate:
         """The estimate at the sample's time; one that is not later than the last adds nothing."""
@@ -115,23 +119,27 @@ class PhaseEstimator:
             return self.estimate
         if self.newest is None or sample.time - self.newest > self._gap:
             self._begin()
-            self._driven.put(sample.time, inputs)
+            self._origin = 0.0 if self._timed else sample.time
+            now = sample.time - self._origin
+            self._driven.put(now, inputs)
         else:
-            self._driven.put(sample.time, inputs)
-            interval = Interval(start=self.newest, end=sample.time, before=self._before, stages=self._numbers, input=self._input)
+            now = sample.time - self._origin
+            self._driven.put(now, inputs)
+            interval = Interval(start=self.newest - self._origin, end=now, before=self._before, stages=self._numbers, input=self._input)
             self._bank.move(interval)
-        self._before = self._input(sample.time)
-        self._driven.forget(sample.time)
+        self._before = self._input(now)
+        self._driven.forget(now)
         self.newest = sample.time
         there = np.isfinite(read) & (self._scales > 0)
         seen, scales = np.where(there, read, 0.0), np.where(there, self._scales, 0.0)
-        self._bank.sampled(np.concatenate([[sample.time], self._driven.last, seen, scales]))
+        self._bank.sampled(np.concatenate([[now], self._driven.last, seen, scales]))
         self.estimate = self._read(sample.time, began)
         return self.estimate
 
     def hold(self, time: float, inputs: Mapping[str, float]) -> None:
         """The inputs changed at a time [s] between samples."""
-        self._driven.put(time, _vector(inputs, self._inputs, "input"))
+        if self.newest is None or time > self.newest + LEAST * self.sampling:
+            self._driven.add(time - self._origin, _vector(inputs, self._inputs, "input"))
 
     def at(self, law: str, time: float) -> LawPhase:
         """The phase of a law at an earlier time [s], from the samples up to now: with a lag it is surer than it was then.
@@ -160,11 +168,11 @@ class PhaseEstimator:
         )
 
     def _phase(self, law: int, time: float) -> LawPhase:
-        likely = self._bank.hypotheses
+        likely, time = self._bank.hypotheses, time - self._origin
         share = {s: float(sum(np.exp(h.weight) for h in likely if h.phase_at(time)[law] == s)) for s in (0, 1, -1)}
         most = max(share, key=lambda s: share[s])
         since = next(h.since(law, time) for h in likely if h.phase_at(time)[law] == most)
-        return LawPhase(stuck=share[0], forwards=share[1], backwards=share[-1], since=since)
+        return LawPhase(stuck=share[0], forwards=share[1], backwards=share[-1], since=since + self._origin)
 
     # ---- what goes in
 

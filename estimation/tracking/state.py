@@ -19,7 +19,7 @@ import numpy as np
 from backsight.models.errors import InputError
 from backsight.ocp.moving.trajectory import Known, Trajectory
 
-from ..problem import Problem, Weights
+from ..problem import Free, Problem, Weights
 from .estimate import Outcome
 from .estimator import Estimator
 from .tuning import of_weights
@@ -41,7 +41,7 @@ def save(estimator: Estimator, path: str | Path) -> None:
         "noise": tuning.noise,
         "corner": tuning.corner,
         "driven_times": np.array(estimator.driven.times),
-        "driven_values": np.array(estimator.driven.values).reshape(len(estimator.driven.times), -1),
+        "driven_values": np.array(estimator.driven.values).reshape(len(estimator.driven.times), len(estimator.driven.last)),
         "driven_last": estimator.driven.last,
         "latency": estimator.latency.counts,
         "gone": estimator.layout.gone,
@@ -101,6 +101,7 @@ def resumed(problem: Problem, path: str | Path, *, jit: bool = True) -> Estimato
     if version != VERSION:
         raise InputError(f"{path}: its format is {version} and this is backsight's {VERSION}; remove it to start anew")
     weights = Weights(**facts["weights"])
+    _same_weights(problem, weights, path)
     settled = replace(problem, weights=weights, parameters={**problem.parameters, **facts["widths"]})
     tuning = of_weights(
         settled,
@@ -123,9 +124,23 @@ def resumed(problem: Problem, path: str | Path, *, jit: bool = True) -> Estimato
         jit=jit,
     )
     if _layout(estimator) != facts["layout"]:
-        raise InputError(f"{path}: this state is of another model or of other free parameters; remove it to start anew")
-    _fill(estimator, arrays, facts)
+        raise InputError(f"{path}: this state is of another model, or of other free parameters or fixed values; remove it to start anew")
+    try:
+        _fill(estimator, arrays, facts)
+    except KeyError as missing:
+        raise InputError(f"{path}: {missing} is not in this state; remove the file to start anew") from None
     return estimator
+
+
+def _same_weights(problem: Problem, kept: Weights, path: Path) -> None:
+    """Raise InputError where the problem gives another weight than the state was made with."""
+    for table in ("W", "V"):
+        for name, std in getattr(problem.weights, table).items():
+            was = getattr(kept, table).get(name)
+            if was is not None and abs(std / was - 1.0) > 1e-9:
+                raise InputError(
+                    f"{path}: this state was made with {table} of {name} = {was:g}, and now it is {std:g}; remove it to start anew"
+                )
 
 
 def _fill(estimator: Estimator, arrays: dict[str, Any], facts: dict[str, Any]) -> None:
@@ -159,4 +174,5 @@ def _layout(estimator: Estimator) -> list[list[str]]:
         places,
         inputs,
         [q.name for q in dae.outputs],
+        [f"{name} = {value!r}" for name, value in sorted(estimator.problem.parameters.items()) if not isinstance(value, Free)],
     ]

@@ -90,6 +90,8 @@ def maximise(
     here = _at(turned, theta, start)
     value, settled, rounds = here.value, not moving.any(), 0
     for rounds in range(1, ROUNDS + 1) if moving.any() else ():
+        # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
+        moving = moving & ~np.array([here.freedom[f] < GONE and not w.is_noise for f, w in enumerate(turned.weights)])
         step = _step(here, moving)
         promise = float(step @ here.slope) / 2
         if say is not None:

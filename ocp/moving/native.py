@@ -31,7 +31,10 @@ KEPT = 100  # libraries in the cache; the ones longest unused go
 
 def native(functions: Sequence[Any], environment: Mapping[str, str] = os.environ) -> tuple[list[Any], str]:
     """The functions in machine code and no word, or as they are and why."""
-    command = _compiler(environment)
+    try:
+        command = _compiler(environment)
+    except ValueError as e:
+        return list(functions), f"CC={environment.get('CC', '')!r} cannot be read ({e})"
     if not command:
         return list(functions), "there is no C compiler (cc, gcc or clang, or as CC names it)"
     generator = ca.CodeGenerator("stage.c")
@@ -41,9 +44,10 @@ def native(functions: Sequence[Any], environment: Mapping[str, str] = os.environ
     key = hashlib.sha256("\0".join((source, *command, *FLAGS, platform.machine(), platform.system())).encode()).hexdigest()
     try:
         library = cache(environment) / f"{key[:32]}.so"
-        if library.is_file():
-            with contextlib.suppress(RuntimeError, OSError):  # it is damaged, or another user's
+        if library.is_file() and _trusted(library) and _trusted(library.parent):
+            with contextlib.suppress(OSError):  # it may be there to be read only
                 library.touch()
+            with contextlib.suppress(RuntimeError):  # it is damaged
                 return _loaded(functions, library), ""
         _compile(source, [*command, *FLAGS], library)
         return _loaded(functions, library), ""
@@ -75,13 +79,26 @@ def _loaded(functions: Sequence[Any], library: Path) -> list[Any]:
 def _compile(source: str, command: list[str], library: Path) -> None:
     """Compile beside where the library is to be and move it there whole; sweep away what is no longer used."""
     library.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if not _trusted(library.parent):
+        raise OSError(
+            f"{library.parent} is another user's or writable for others; make it your own, or let XDG_CACHE_HOME name one that is"
+        )
     with tempfile.TemporaryDirectory(dir=library.parent, prefix="new-") as folder:
         code, made = Path(folder) / "stage.c", Path(folder) / "stage.so"
         code.write_text(source, encoding="utf-8")
         subprocess.run([*command, str(code), "-o", str(made), "-lm"], check=True, capture_output=True, timeout=PATIENCE)
         os.replace(made, library)
-    for old in sorted(library.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)[:-KEPT]:
-        old.unlink(missing_ok=True)
-    for left in library.parent.glob("new-*"):  # by a process that was killed
-        if time.time() - left.stat().st_mtime > 10 * PATIENCE:
-            shutil.rmtree(left, ignore_errors=True)
+    with contextlib.suppress(OSError):  # another process sweeps too
+        for old in sorted(library.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)[:-KEPT]:
+            old.unlink(missing_ok=True)
+        for left in library.parent.glob("new-*"):  # by a process that was killed
+            if time.time() - left.stat().st_mtime > 10 * PATIENCE:
+                shutil.rmtree(left, ignore_errors=True)
+
+
+def _trusted(path: Path) -> bool:
+    """Whether nobody else can have put something else there: its owner is this user, or the system's, and no one else may write."""
+    if not hasattr(os, "geteuid"):
+        return True
+    found = path.lstat()
+    return found.st_uid in (os.geteuid(), 0) and not found.st_mode & 0o022

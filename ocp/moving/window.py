@@ -39,6 +39,7 @@ Update = Literal["smoothing", "filtering"]
 
 SQUARES = 1e300  # corner of a loss that has none
 TRUSTED, ORDINARY, DOUBTED = 1, 0, -1
+ALIKE = 3.0  # times the median of a run of doubted samples: what is further off than that is an error of its own
 SETTLED = 0.02  # of a deviation: what reweighing may still move
 SINGULAR = 1e-10  # of the largest singular value of R, its columns scaled: less tells nothing
 SUFFICIENT = 1e-4  # share of a step's promised descent that it must keep
@@ -363,18 +364,18 @@ class Window:
         lower, upper = self.bounds[0] - here, self.bounds[1] - here
         if (s >= lower).all() and (s <= upper).all():
             return s
-        found = lsq_linear(R / size, -d, bounds=(np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size), method="bvls")
+        found = lsq_linear(R / size, -d, bounds=(lower * size, upper * size), method="bvls")
         return np.asarray(found.x / size)
 
     def doubt(self, surprise: Array, gate: float) -> None:
         """Leave out the newest samples whose surprise (ny,) is greater, until `review` finds otherwise."""
         self.faith_newest[np.abs(np.nan_to_num(surprise)) > gate] = DOUBTED
 
-    def review(self, run: int) -> bool:
+    def review(self, run: int, gate: float) -> bool:
         """Whether samples are to be judged otherwise now.
 
-        A doubted one that agrees with the trajectory is ordinary; as many as `run` in a row of an output, all too large or all too small,
-        are no errors but what happened, and trusted.
+        A doubted one that agrees with the trajectory is ordinary; as many as `run` in a row of an output, all beyond the gate on one side
+        and none ALIKE times as far as their median, are no errors but what happened, and trusted.
         """
         seen = self._seen
         e, last = (seen[1], seen[2]) if seen is not None and seen[0] is self.here else self._errors(self.here, self.here.p)[:2]
@@ -390,8 +391,8 @@ class Window:
             faith[i, agreeing] = ORDINARY
             latest = np.flatnonzero(scale[i] > 0)[-run:]
             gross = z[i, latest]
-            running = len(latest) == run and (np.all(gross > self.corner[i]) or np.all(gross < -self.corner[i]))
-            if running:
+            far, one_side = np.abs(gross), np.all(gross > 0) or np.all(gross < 0)
+            if len(latest) == run and one_side and far.min() > max(gate, self.corner[i]) and far.max() < ALIKE * np.median(far):
                 changed |= bool((faith[i, latest] != TRUSTED).any())
                 faith[i, latest] = TRUSTED
             changed |= bool(agreeing.any())

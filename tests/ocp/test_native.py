@@ -108,3 +108,24 @@ def test_a_cache_that_cannot_be_written_is_no_error(functions, environment, tmp_
     same, why = native(functions, {**environment, "CC": "true"})  # a compiler that leaves nothing
     assert same == functions
     assert "No such file" in why
+
+
+@with_compiler
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owner here")
+def test_a_library_that_others_may_have_written_is_not_loaded(functions, environment):
+    native(functions, environment)
+    folder = cache(environment)
+    for path in folder.glob("*.so"):
+        path.write_bytes(b"somebody else's")
+    folder.chmod(0o777)
+    same, why = native(functions, environment)
+    assert same == functions
+    assert "writable for others" in why
+    folder.chmod(0o700)
+    for path in folder.glob("*.so"):
+        path.chmod(0o666)
+    assert native(functions, environment)[1] == ""  # it was built anew
+
+
+def test_a_compiler_that_cannot_be_read_is_said(functions, environment):
+    assert native(functions, environment | {"CC": 'gcc -DX="a'})[1].startswith("CC=")

@@ -40,3 +40,14 @@ def test_a_missing_input_stays_what_it_was_and_what_is_forgotten_is_not_needed()
     driven.forget(2.0)
     assert driven.times == [2.0]
     np.testing.assert_allclose(driven.over(2.0, 2.5), [3, 5, 3, 5])
+
+
+def test_what_is_added_late_goes_between_what_was_there_and_the_newest_stays_the_newest():
+    driven = Driven(1, "zero")
+    driven.put(0.0, np.array([1.0]))
+    driven.put(0.3, np.array([4.0]))
+    driven.add(0.1, np.array([2.0]))
+    driven.add(0.2, np.array([np.nan]))
+    assert driven.times == [0.0, 0.1, 0.2, 0.3]
+    assert [u[0] for u in driven.values] == [1.0, 2.0, 2.0, 4.0]
+    assert driven.last[0] == 4.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -52,6 +54,15 @@ def test_the_phase_is_known_at_every_sample_and_changes_are_dated(noise: float, 
     told = follow_phases(posed(recording))["drill"]["bit.stuck"].to_numpy() > 0.5
     assert np.mean(told == stuck) > least
     assert np.median(off(told, stuck)) <= 2
+
+
+def test_the_clock_may_count_from_1970() -> None:
+    recording, _ = drilled(2, 2e-3, rows=200)
+    late = replace(recording, time=recording.time + 1.7e9)
+    told, then = (follow_phases(posed(r))["drill"] for r in (recording, late))
+    assert np.mean((told["bit.stuck"] > 0.5) == (then["bit.stuck"] > 0.5)) > 0.98
+    since = then["bit.since"].to_numpy()
+    assert np.all(np.isinf(since) | (since >= 1.7e9))
 
 
 def test_string_and_bit_need_not_be_known() -> None:

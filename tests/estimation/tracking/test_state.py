@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from friction_axis import FrictionAxis
 
-from backsight.estimation import Free
+from backsight.estimation import Free, Weights
 from backsight.estimation.tracking import Estimator, Sample, resumed, save
 from backsight.models.errors import InputError
 
@@ -56,3 +57,22 @@ def test_a_state_of_another_model_or_no_state_at_all_is_refused(axis, tmp_path):
 
 def test_sample_is_the_public_name_of_a_row():
     assert Sample(time=1.0).inputs == {}
+
+
+def test_an_estimator_without_a_sample_is_saved_and_resumed(tmp_path):
+    axis = FrictionAxis(count=60)
+    fresh = Estimator(axis.problem, samples=20, jit=False)
+    save(fresh, tmp_path / "s.npz")
+    again = resumed(axis.problem, tmp_path / "s.npz", jit=False)
+    for k in range(10):
+        np.testing.assert_array_equal(fresh.update(axis.sample(k)).row(), again.update(axis.sample(k)).row())
+
+
+def test_a_state_of_other_weights_or_of_other_fixed_values_is_refused(tmp_path):
+    axis = FrictionAxis(count=60)
+    problem = replace(axis.problem, weights=Weights(W={"carriage": 0.4}))
+    save(Estimator(problem, samples=20, jit=False), tmp_path / "s.npz")
+    with pytest.raises(InputError, match=r"W of carriage = 0\.4, and now it is 40"):
+        resumed(replace(problem, weights=Weights(W={"carriage": 40.0})), tmp_path / "s.npz", jit=False)
+    with pytest.raises(InputError, match="fixed values"):
+        resumed(replace(problem, parameters={**problem.parameters, "carriage.m": 9.5}), tmp_path / "s.npz", jit=False)

@@ -1,0 +1,50 @@
+"""Gross errors among honest samples of an estimator on-line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from friction_axis import FrictionAxis
+
+from backsight.estimation.tracking import Estimator, Outcome, Sample
+
+
+def test_a_gross_error_behind_samples_on_its_own_side_is_no_level():
+    axis_rows, at = 300, 200
+    axis = FrictionAxis(count=axis_rows)
+    (recording,) = axis.problem.recordings
+    std = 1e-3
+    problem = replace(axis.problem, recordings=[replace(recording, output_std={"x": std}, output_loss={"x": "huber"})])
+    noise = std * np.random.default_rng(7).standard_normal(axis_rows)
+    noise[at - 4 : at] = 2.5 * std
+    noise[at] = 1000 * std
+    estimator = Estimator(problem, samples=50, jit=False)
+    outcomes = []
+    for k in range(axis_rows):
+        sample = axis.sample(k)
+        now = estimator.update(Sample(time=sample.time, inputs=sample.inputs, outputs={"x": float(axis.states[k, 0] + noise[k])}))
+        outcomes.append(now.outcome)
+        assert abs(now["carriage.s"] - axis.states[k, 0]) < 6 * max(now.std("carriage.s"), 1e-5) or k < 50
+    assert outcomes[at] is Outcome.DOUBTED
+
+
+def test_a_mark_that_there_is_no_sample_is_none():
+    axis = FrictionAxis(count=100)
+    estimator = Estimator(axis.problem, samples=20, jit=False)
+    for k in range(100):
+        sample = axis.sample(k)
+        marked = Sample(time=sample.time, inputs=sample.inputs, outputs={"x": 1.7e308}) if k == 50 else sample
+        now = estimator.update(marked)
+        if k == 50:
+            assert now.outcome is Outcome.PREDICTED
+    assert estimator.counts[Outcome.FAILED] <= 2
+
+
+def test_a_change_of_the_input_that_comes_too_late_is_no_matter():
+    axis = FrictionAxis(count=100)
+    one, other = (Estimator(axis.problem, samples=20, jit=False) for _ in range(2))
+    for k in range(100):
+        now, then = one.update(axis.sample(k)), other.update(axis.sample(k))
+        np.testing.assert_array_equal(now.row(), then.row())
+        one.hold(axis.sample(k).time - 0.004, {"F": 123.0})
