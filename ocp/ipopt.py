@@ -186,12 +186,14 @@ class Solver:
             ubg=0.0,
             lam_g0=multipliers,
         )
-        stats = solver.stats()
+        stats, X = solver.stats(), np.asarray(answer["x"], dtype=np.float64).ravel()
+        status = _STATUS.get(stats["return_status"], Status.NUMERICS)
+        failed = status is Status.NUMERICS  # Ipopt's own cost is 0 where the start is no number
         return Solved(
-            decisions=here.decisions(np.asarray(answer["x"], dtype=np.float64).ravel()),
-            cost=float(answer["f"]),
+            decisions=here.decisions(X),
+            cost=self.nlp.assembled.evaluated.cost(X, here) if failed else float(answer["f"]),
             multipliers=np.asarray(answer["lam_g"], dtype=np.float64).ravel(),
-            status=_STATUS.get(stats["return_status"], Status.NUMERICS),
+            status=status,
             iterations=int(stats["iter_count"]),
             seconds=0.0,
         )

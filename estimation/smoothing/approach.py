@@ -9,8 +9,9 @@ and from share to share a few Gauss-Newton steps bring trajectories and paramete
 velocity. Where lags brought parameters along (`lag_fit.py`) the way begins at the share that these leave over. A parameter is held near
 its first guess by a prior twice as wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
-becomes the problem's own. Where a step strains, samples and balances costing far more than while there was room, it is taken back and a
-smaller one tried: a friction law three times as sharp has other valleys.
+becomes the problem's own. The first step holds the parameters: trajectories bend to where they fit the model before both are free. Where
+a step strains, samples and balances costing far more than while there was room, it is taken back and a smaller one tried: a friction law
+three times as sharp has other valleys, and with much room rotors of no thrust turn a body of no inertia.
 
 It can still end in the wrong valley where no output shows a state: a load that sticks and slips behind a soft shaft goes another way for
 every parameter. There a descent that strains however small its steps is tried again from other parameters, and the most probable one
@@ -107,20 +108,28 @@ def _descent(
     count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
     best, way, program, size, factor = np.inf, None, None, dict[int, float](), FACTOR
     share = float(np.clip(share, TIGHTEST, 1.0))
+
+    def reached(cost: float) -> Approach:
+        unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
+        return Approach(followed=followed, parameters=parameters, force_std=std, share=share, unlikely=unlikely)
+
     while True:
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
         now = forces(near, followed, parameters)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         std = {k: max(share * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
-        if program is None:
+        if program is None or way is None:
             settings = Settings(options=OPTIONS, method="spline")
             program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)
-            followed = _followed(_held(program).solve(program.start, program.values, False, _silent), followed)
+            held = _held(program).solve(program.start, program.values, False, _silent)
+            if np.isfinite(held.solved.cost):
+                followed, best = _followed(held, followed), held.solved.cost
+            way = reached(held.solved.cost)
         cost = np.inf
         for _ in range(BATCHES if share <= TIGHT else 1):
             program = renewed(program, near, followed, laws, std, parameters, parameters)
             solution = program.solve(program.start, program.values, False, _silent)
-            if not np.all(np.isfinite(solution.solved.decisions)):
+            if not np.isfinite(solution.solved.cost):
                 cost = np.inf
                 break
             followed, parameters = _followed(solution, followed), solution.parameters
@@ -129,9 +138,8 @@ def _descent(
                 break
         say(f"balances within {100 * share:.3g} % of their forces: cost {cost:.6g}")
         best = min(best, cost)
-        if way is None or 2 * (cost - best) <= STRAINED * count:
-            unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
-            way = Approach(followed=followed, parameters=parameters, force_std=std, share=share, unlikely=unlikely)
+        if 2 * (cost - best) <= STRAINED * count:
+            way = reached(cost)
             if share <= TIGHTEST:
                 return way
         else:

@@ -51,10 +51,13 @@ def test_the_limit_of_iterations_is_a_status_and_the_numbers_are_finite(options)
     assert solved.iterations <= 2
 
 
-def test_numbers_that_are_not_finite_are_a_status_and_no_exception():
-    _, solved = solve(start=np.nan)
+@pytest.mark.parametrize("start", [np.nan, 1e200])  # the latter where rows are beyond all numbers
+def test_numbers_that_are_not_finite_are_a_status_and_no_exception_and_cost_more_than_any(start):
+    with np.errstate(over="ignore", invalid="ignore"):
+        _, solved = solve(start=start)
     assert solved.status is Status.NUMERICS
     assert not solved.status.converged
+    assert not np.isfinite(solved.cost)
 
 
 def test_a_bound_is_kept():

@@ -13,6 +13,7 @@ from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.smoothing.approach import TIGHTEST, Approach, approach
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
+from backsight.estimation.smoothing.program import Program
 from backsight.estimation.smoothing.rest import friction_laws, smoothing_widths
 from backsight.models.plants import PLANTS
 
@@ -71,6 +72,26 @@ def test_it_ends_where_balances_are_tight_and_trajectories_meet_the_samples():
     _, x, _ = way.followed.at(0, horizon.time)
     noise = problem.fitted[0].output_std["x"]
     assert np.sqrt(np.mean((x[0] - horizon.target[:, 0]) ** 2)) < 1.5 * noise
+
+
+@pytest.mark.parametrize("cost", [1e9, np.nan])
+def test_a_solve_that_goes_astray_is_taken_back(monkeypatch, cost):
+    """The second one, the first in which parameters are free, ends anywhere."""
+    problem, truth = problem_of("actuator", actuator, 3.0, 5)
+    solve, calls = Program.solve, []
+
+    def astray(self, *arguments):
+        solution = solve(self, *arguments)
+        calls.append(solution)
+        if len(calls) != 2:
+            return solution
+        return replace(solution, solved=replace(solution.solved, cost=cost, decisions=-1e3 * solution.solved.decisions))
+
+    monkeypatch.setattr(Program, "solve", astray)
+    way = approached(problem)
+    names = [p.name for p in problem.dae.parameters]
+    assert way.share == TIGHTEST
+    assert way.parameters[names.index("carriage.m")] == pytest.approx(truth["carriage.m"], rel=0.05)
 
 
 def test_a_width_that_the_user_gave_stays():
