@@ -132,7 +132,7 @@ def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[s
 
 
 def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
-    solution = turned.solve(theta, start)
+    solution = turned.solved(theta, start)
     return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
 
 
