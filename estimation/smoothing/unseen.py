@@ -1,6 +1,8 @@
 """A start for what no output shows: a load behind a shaft, a current, a second angle.
 
-Samples cannot be followed where there are none. There the model says how the unseen states go with the seen ones, at the first guesses
+Samples cannot be followed where there are none. Often the balances of what is seen tell it all the same: the torque of a shaft is what a
+seen inertia cannot explain, the twist that torque over a stiffness, and the speed of the load follows from the twist. Where every unseen
+state is told so (`telling_places`), these balances need no better start than that. Elsewhere the model says how the unseen states go with the seen ones, at the first guesses
 of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
 body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve.
 """
@@ -11,6 +13,8 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import structural_rank
 
 from backsight.ocp import Options, ParameterPrior, Solver, transcribe
 from backsight.ocp.follow import Followed
@@ -39,6 +43,34 @@ def unseen_states(problem: Problem) -> list[str]:
     seen = {i for symbols in (dae.x, dae.dx) for i in ca.jacobian_sparsity(output, symbols).get_col()}
     seen |= {j for i, j, _ in dae.kinematics if i in seen} | {i for i, j, _ in dae.kinematics if j in seen}
     return [q.name for i, q in enumerate(dae.states) if i not in seen]
+
+
+def telling_places(problem: Problem) -> frozenset[int]:
+    """Places whose balances together tell every unseen state, whatever the free parameters are; none where some stay untold.
+
+    They are balances of what is seen, and a guess must not matter there but for the size of what is unseen: dF/dp = 0 for every free p
+    where the unseen states are zero. With the equations that hold exactly, these balances must determine all unseen states and algebraic variables: their pattern in them has
+    full structural rank (an unseen state counts where its rate does; a telling balance is solved for it along the whole trajectory).
+    """
+    dae = problem.dae
+    names = set(unseen_states(problem))
+    unseen = [i for i, q in enumerate(dae.states) if q.name in names]
+    if not unseen or not problem.free:
+        return frozenset()
+    hidden = ca.vertcat(*(s[i] for s in (dae.x, dae.dx) for i in unseen))
+    guesses = ca.vertcat(*(dae.p[i] for i in problem.free))
+    bent = ca.substitute(ca.jacobian(dae.residual, guesses), hidden, ca.SX.zeros(hidden.shape[0]))
+    own, free_of_guesses = _moving_unseen(problem), [ca.simplify(ca.densify(bent[r, :])).is_zero() for r in range(bent.shape[0])]
+    certain = [r for r, e in enumerate(dae.equations) if e.place is None or (e.place not in own and free_of_guesses[r])]
+    pattern = np.zeros((len(certain), len(unseen) + dae.z.shape[0]), dtype=bool)
+    for row, r in enumerate(certain):
+        for symbols in (dae.x, dae.dx):
+            columns = set(ca.jacobian_sparsity(dae.residual[r], symbols).get_col())
+            pattern[row, : len(unseen)] |= np.isin(unseen, list(columns))
+        pattern[row, len(unseen) + np.array(ca.jacobian_sparsity(dae.residual[r], dae.z).get_col(), dtype=np.int64)] = True
+    if structural_rank(csr_matrix(pattern)) < pattern.shape[1]:
+        return frozenset()
+    return frozenset(int(place) for r in certain if (place := dae.equations[r].place) is not None)
 
 
 def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
