@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from .smoothing.profile import profile
     from .smoothing.smoother import smooth
     from .study.study import Study
+    from .tracking.estimate import Estimate, Sample
+    from .tracking.estimator import Estimator
+    from .tracking.track import Tracking, track
 
 _HOME = {
     "classical.armax": ("Armax", "Orders", "armax", "select_orders"),
@@ -47,12 +50,17 @@ _HOME = {
     "smoothing.profile": ("profile",),
     "smoothing.smoother": ("smooth",),
     "study.study": ("Study",),
+    "tracking.estimate": ("Estimate", "Sample"),
+    "tracking.estimator": ("Estimator",),
+    "tracking.track": ("Tracking", "track"),
 }
 
 __all__ = [
     "Armax",
     "Baseline",
     "Criteria",
+    "Estimate",
+    "Estimator",
     "Free",
     "InputColumn",
     "Known",
@@ -65,11 +73,13 @@ __all__ = [
     "Profile",
     "Recording",
     "ResidualSummary",
+    "Sample",
     "Simulation",
     "Smoothing",
     "SolverFacts",
     "Study",
     "Tracked",
+    "Tracking",
     "Weights",
     "armax",
     "compare",
@@ -83,6 +93,7 @@ __all__ = [
     "simulate_study",
     "smooth",
     "state_variable_filter",
+    "track",
     "two_stage",
     "zoh_prediction_error",
 ]

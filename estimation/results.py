@@ -97,8 +97,9 @@ class Companion:
 class ResidualSummary:
     """A place's residual force over all recordings: rms [unit] and the equation it belongs to.
 
-    whiteness_p: chance of its autocorrelation if the force is white. follows: what it goes with most, if plainly, with the law that would
-    look like that and the correlation with its standard deviation.
+    Near rest, in a share rest_share of the samples, it stands in for a friction law (`smoothing/rest.py`): rest_rms is of these, rms of
+    the others, or of all where there are no others. whiteness_p: chance of its autocorrelation if the force is white. follows: what it
+    goes with most, if plainly, with the law that would look like that and the correlation with its standard deviation.
     """
 
     place: str
@@ -107,6 +108,8 @@ class ResidualSummary:
     origin: str
     whiteness_p: float | None = None
     follows: Companion | None = None
+    rest_share: float = 0.0
+    rest_rms: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +175,8 @@ class Smoothing:
     that every recording has of its own is called "<parameter> [<recording>]" in each.
     estimates: recording name -> one row per sample: t_s, outputs with .measured and .std, states with .std, residual.<place> with
     .std (SI), what drifts and measured inputs as they acted, by their names, with .std; a std is inf where the recordings do not determine
-    the value. held_out: recording name -> prediction. solution: the solved program behind it, for what goes on from there.
+    the value. correlation: of the estimated constants that have a deviation, in the order of `parameters`, by name. held_out: recording
+    name -> prediction. solution: the solved program behind it, for what goes on from there.
     """
 
     model: str
@@ -185,6 +189,7 @@ class Smoothing:
     solver: SolverFacts
     residual_places: dict[str, ResidualSummary]
     notes: tuple[str, ...] = field(default=())
+    correlation: pd.DataFrame = field(default_factory=pd.DataFrame)
     held_out: dict[str, Prediction] = field(default_factory=dict)
     criteria: Criteria | None = None
     profiles: dict[str, Profile] = field(default_factory=dict)

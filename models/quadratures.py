@@ -96,6 +96,21 @@ def integrated(dae: Dae, gone: tuple[Ignorable, ...], times: Array, x: Array) ->
     return out
 
 
+def step(dae: Dae, gone: tuple[Ignorable, ...]) -> Any:
+    """One step of the same as a function (values at its start (len(gone),), x (nx, 3) at its start, middle and end, its length)."""
+    start, x, h = ca.SX.sym("start", len(gone)), ca.SX.sym("x", dae.x.shape[0], 3), ca.SX.sym("h")
+    places, out = ca.horzsplit(x), ca.SX(len(gone), 1)
+    for k in reversed(range(len(gone))):
+        i, row = gone[k].state, gone[k].row
+        slope = ca.jacobian(dae.residual[row], dae.dx[i])
+        rate = ca.Function("rate", [dae.x], [-ca.substitute(dae.residual[row], dae.dx[i], 0.0) / slope])
+        left, middle, right = (rate(place) for place in places)
+        out[k] = start[k] + h * (left + 4 * middle + right) / 6
+        for place, value in zip(places, (start[k], start[k] + h * (5 * left + 8 * middle - right) / 24, out[k]), strict=True):
+            place[i] = value
+    return ca.Function("step", [start, x, h], [out])
+
+
 def _there(expression: Any, symbols: Any) -> NDArray[np.bool_]:
     """Which rows of an expression depend on which symbols."""
     pattern = ca.jacobian_sparsity(expression, symbols)

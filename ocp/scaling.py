@@ -15,8 +15,9 @@ def scaled(solver: Solver, decisions: Array, values: Values) -> Values:
     """The same program in better units.
 
     The unit of a decision is its deviation when all others are known, 1/sqrt(H_ii) with the Gauss-Newton H; what the cost does not see
-    gets the size of its start. All copies of a variable have the median unit. A constraint is divided by the largest entry of
-    its row of the Jacobian in these units.
+    gets the size of its start. All copies of a variable have the median unit, but for the first ones, which may be known
+    far better: theirs is no larger than their own deviation. A constraint is divided by the largest entry of its row of the Jacobian in
+    these units.
     """
     values = replace(values, unit=_units(solver, decisions, values))
     if not solver.nlp.constraint_count:
@@ -44,6 +45,9 @@ def _units(solver: Solver, decisions: Array, values: Values) -> Array:
         size = float(np.sqrt(np.mean(decisions[same] ** 2)))
         deviation = float(np.median(diagonal[same][seen] ** -0.5)) if seen.any() else np.inf
         unit[nlp.index[column]] = min(deviation, size or 1.0)
+    first = np.setdiff1d(nlp.index[: nlp.interpolation.states], nlp.index[local - nlp.interpolation.states :])
+    first = first[diagonal[first] > 0]
+    unit[first] = np.minimum(unit[first], diagonal[first] ** -0.5)
     for k in range(n, nlp.size):
         unit[k] = diagonal[k] ** -0.5 if diagonal[k] > 0 else abs(decisions[k]) or 1.0
     return unit

@@ -35,6 +35,15 @@ def test_the_plant_of_the_tutorial_compiles():
     assert [q.name for q in dae.states] == ["motor.phi", "motor.omega", "load.phi", "load.omega"]
 
 
+@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
+    example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[2]
+    exec(compile(example, "README.md", "exec"), {})
+    friction, std, _, *words = capsys.readouterr().out.split()
+    assert abs(float(friction) - 20.0) < 4 * float(std)
+    assert words[0] == "estimated"
+
+
 TUTORIAL = README.parent / "models" / "TUTORIAL.md"
 
 

@@ -8,6 +8,8 @@ import numpy as np
 __all__ = ["Conditions", "Force", "Run", "Sensors", "clock", "disturbance"]
 
 # force(t, q, v): generalised forces on top of those of the machine, in the order and the units of its PLACES; None: there are none.
+# The integrators suppose that it is smooth from row to row: a jump costs them their order, and one with the sign of a velocity is refused
+# where bodies stick.
 Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 

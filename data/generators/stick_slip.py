@@ -22,6 +22,7 @@ __all__ = ["Dynamics", "Friction", "accelerations", "advance"]
 # dynamics(t, q, v): M (n, n) and f (n,)
 Dynamics = Callable[[float, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 TIME_ERROR = 1e-13  # s, of an event
+EVENTS = 100  # in a step: of each coordinate two are seen, and every one of them may let others go or stop
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +50,22 @@ def accelerations(dynamics: Dynamics, friction: Friction, t: float, q: np.ndarra
 def advance(
     dynamics: Dynamics, friction: Friction, t: float, q: np.ndarray, v: np.ndarray, duration: float, steps: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """q and v (n,) after `duration` [s], in equal steps but for the events; v_i is exactly 0.0 where coordinate i sticks."""
+    """q and v (n,) after `duration` [s], in equal steps but for the events; v_i is exactly 0.0 where coordinate i sticks.
+
+    Raises ValueError where the modes change without end: where a force jumps with the sign of a velocity, none may hold.
+    """
     end, n = t + duration, q.size
     for i in range(steps):
-        until, released = end - duration * (steps - 1 - i) / steps, dict[int, float]()
+        until, released, events = end - duration * (steps - 1 - i) / steps, dict[int, float](), 0
         while until - t > TIME_ERROR:
             modes = _choose(dynamics, friction, t, q, v, released)
             y, h, event = _to_next_event(dynamics, friction, t, np.concatenate([q, v]), modes, until - t)
-            t, q, v, released = t + h, y[:n], np.where(modes == 0, 0.0, y[n:]), {}
+            t, q, v, released, events = t + h, y[:n], np.where(modes == 0, 0.0, y[n:]), {}, events + 1
+            if events > EVENTS:
+                raise ValueError(
+                    f"a body starts and stops without end at t = {t:.6g} s: force(t, q, v) jumps there; round its corner, as by "
+                    "tanh(v / width), or give Coulomb friction to the machine itself"
+                )
             if event is not None and modes[event] != 0:
                 v[event] = 0.0
             elif event is not None:

@@ -18,6 +18,7 @@ import typer
 
 from .interrupt import remembered, said
 
+MOST_ITERATIONS = 10  # Gauss-Newton steps for a sample
 DONE, FAULT, BAD_INPUT, NO_CONVERGENCE, INTERRUPTED = 0, 1, 2, 3, 130
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # typer's own base of all mistakes on the command line
 
@@ -33,7 +34,11 @@ app = typer.Typer(
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file (TOML).")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder of the results [default: named after the study; simulate: STUDY_simulated]."),
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="Folder of the results [default: named after the study, and after simulate or track].",
+    ),
 ]
 Estimates = Annotated[
     Path | None,
@@ -45,6 +50,12 @@ Profiles = Annotated[
 ]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
+Stdin = Annotated[bool, typer.Option("--stdin", help="Read rows from standard input as they come, and write an estimate for each.")]
+State = Annotated[
+    Path | None,
+    typer.Option("--state", metavar="FILE", help="With --stdin: go on from this file if it is there, and leave the state there."),
+]
+RealTime = Annotated[bool, typer.Option("--real-time", help="One Gauss-Newton step for every sample (default: until it converges).")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Say on standard error what is being done, a line for every stage.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output, and nothing else.")]
@@ -135,6 +146,31 @@ def smooth(
     from .commands import Options, run_smooth
 
     return run_smooth(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json), profile or ())
+
+
+@app.command()
+def track(
+    study: StudyArgument,
+    stdin: Stdin = False,
+    state: State = None,
+    real_time: RealTime = False,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Estimate on-line, with a moving horizon: one estimate per sample, from the samples up to it."""
+    from .commands import Options, run_stream, run_track
+
+    options = Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json)
+    iterations = 1 if real_time else MOST_ITERATIONS
+    if stdin:
+        return run_stream(study, options, state, iterations)
+    if state is not None:
+        raise typer.BadParameter("--state goes with --stdin, the rows of which it goes on with")
+    return run_track(study, options, iterations)
 
 
 def _report(error: Exception) -> int:

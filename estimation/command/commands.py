@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -15,8 +15,8 @@ from ..study.study import Study
 from ..workers import check_jobs
 from .interrupt import check
 from .output import json_text, results_folder, write_estimates, write_result
-from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing
-from .terminal import console, parameter_table, simulation_table
+from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking
+from .terminal import console, parameter_table, simulation_table, tracking_table
 
 if TYPE_CHECKING:
     from ..results import Smoothing
@@ -69,6 +69,44 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
     return DONE
 
 
+def run_stream(path: Path, options: Options, state: Path | None, iterations: int) -> int:
+    """Track rows that come in on standard input."""
+    from .stream import stream, write_stream_result
+
+    check_jobs(options.jobs)
+    study, began = Study.read(path), time.perf_counter()
+    warn = None if options.quiet else sys.stderr
+    with _progress(options) as say, results_folder(options.out) if options.out else nullcontext() as folder:
+        say("reading the study")
+        estimator = stream(study, state=state, iterations=iterations, as_json=options.json, say=say, warn=warn)
+        if folder is not None:
+            write_stream_result(estimator, folder, began)
+    return DONE
+
+
+def run_track(path: Path, options: Options, iterations: int) -> int:
+    """Track a study's recordings with a moving horizon."""
+    from ..report import write_tracking_report
+    from ..tracking import track
+    from ..tracking.estimator import SAMPLES
+
+    check_jobs(options.jobs)
+    study, out = Study.read(path), options.out or _named_after(path, "_tracked")
+    with results_folder(out) as folder, _progress(options) as say:
+        say("reading the study")
+        samples = study.horizon()
+        problem = study.problem()
+        shortest = min(len(r.time) for r in problem.fitted)
+        answer = track(problem, samples=samples or min(SAMPLES, shortest), iterations=iterations, progress=say)
+        say("writing the report")
+        result = result_of_tracking(answer)
+        write_result(result, folder / "result.json")
+        write_estimates(answer.estimates, folder / "estimates.csv")
+        write_tracking_report(answer, folder / "report.html", recordings=problem.recordings)
+    _say(options, result, lambda: tracking_table(answer), out)
+    return DONE
+
+
 def print_models(name: str | None, *, json: bool) -> int:
     """The list of plants, or all about one of them."""
     from .catalogue import catalogue, description, details
@@ -107,6 +145,8 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled
         answer: Smoothing = smooth(problem, progress=say)
         if profiled and answer.solver.converged:
             answer = replace(answer, profiles=profile(problem, answer, profiled, progress=say))
+        if study.file.horizon is not None:
+            answer = replace(answer, notes=(*answer.notes, "[horizon] is for a moving horizon: here whole recordings were smoothed."))
         say("writing the report")
         result = result_of_smoothing(answer, command=command)
         write_result(result, folder / "result.json")

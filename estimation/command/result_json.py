@@ -16,8 +16,10 @@ from backsight.models.errors import InputError, suggestion
 if TYPE_CHECKING:
     from backsight.models import Dae
 
+    from ..problem import Weights
     from ..results import OutputFit, Prediction, Profile, ResidualSummary, Smoothing
     from ..simulation import Simulation
+    from ..tracking import Tracking
 
 
 def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
@@ -26,30 +28,34 @@ def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
         "command": command,
         "model": answer.model,
         "recordings": list(answer.estimates),
-        "parameters": {
-            name: {"value": p.value, "std": p.std, "unit": p.unit, "fixed": p.fixed, "identifiable": p.identifiable}
-            for name, p in answer.parameters.items()
-        },
-        "weights": {
-            "W": {
-                name: {"std": std}
-                | {key: table[name] for key, table in (("tau", answer.weights.tau), ("kind", answer.weights.kind)) if name in table}
-                for name, std in answer.weights.W.items()
-            },
-            "V": {name: {"std": std} for name, std in answer.weights.V.items()},
-        },
+        "parameters": _parameters(answer),
+        "correlation": {"parameters": list(answer.correlation), "matrix": answer.correlation.to_numpy().tolist()},
+        "weights": _weights(answer.weights),
         "fit": _fit(answer.fit) | {name: _predicted(prediction) for name, prediction in answer.held_out.items()},
         "residuals": {name: _residual(r) for name, r in answer.residual_places.items()},
         "criteria": None if answer.criteria is None else asdict(answer.criteria),
         "profile": {name: _profile(p) for name, p in answer.profiles.items()},
-        "solver": {
-            "status": answer.solver.status,
-            "converged": answer.solver.converged,
-            "iterations": answer.solver.iterations,
-            "seconds": answer.solver.seconds,
-            "build_seconds": answer.solver.build_seconds,
-            "variables": answer.solver.variables,
-        },
+        "solver": asdict(answer.solver),
+        "notes": list(answer.notes),
+        "version": version("backsight"),
+        "seed": None,
+    }
+
+
+def result_of_tracking(answer: Tracking) -> dict[str, Any]:
+    """The content of result.json for `track`."""
+    return {
+        "command": "track",
+        "model": answer.model,
+        "recordings": list(answer.estimates),
+        "parameters": _parameters(answer),
+        "weights": _weights(answer.weights),
+        "fit": _fit(answer.fit),
+        "horizon": {"samples": answer.samples},
+        "latency_ms": answer.latency_ms,
+        "failed_steps": answer.failed_steps,
+        "outcomes": {outcome.word: count for outcome, count in answer.outcomes.items()},
+        "solver": asdict(answer.solver),
         "notes": list(answer.notes),
         "version": version("backsight"),
         "seed": None,
@@ -114,9 +120,25 @@ def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
     }
 
 
+def _parameters(answer: Smoothing | Tracking) -> dict[str, Any]:
+    return {
+        name: {"value": p.value, "std": p.std, "unit": p.unit, "fixed": p.fixed, "identifiable": p.identifiable}
+        for name, p in answer.parameters.items()
+    }
+
+
+def _weights(weights: Weights) -> dict[str, Any]:
+    more = (("tau", weights.tau), ("kind", weights.kind))
+    return {
+        "W": {name: {"std": std} | {key: table[name] for key, table in more if name in table} for name, std in weights.W.items()},
+        "V": {name: {"std": std} for name, std in weights.V.items()},
+    }
+
+
 def _residual(r: ResidualSummary) -> dict[str, Any]:
     follows = None if r.follows is None else asdict(r.follows)
-    return {"rms": r.rms, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
+    rest = {"share": r.rest_share, "rms": r.rest_rms}
+    return {"rms": r.rms, "near_rest": rest, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
 
 
 def _profile(p: Profile) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from ..results import DOUBT, TELLING
 if TYPE_CHECKING:
     from ..results import OutputFit, Smoothing
     from ..simulation import Simulation
+    from ..tracking import Tracking
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -28,16 +29,33 @@ def parameter_table(answer: Smoothing) -> Table:
     for name, estimate in answer.parameters.items():
         if not estimate.fixed:
             table.add_row(escape(name), str(estimate))
-    fits = [("fit", recording, outputs) for recording, outputs in answer.fit.items()]
-    fits += [("prediction", recording, prediction.fit) for recording, prediction in answer.held_out.items()]
-    for what, recording, outputs in fits:
+    for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
-            size = f"rms {fit.rms:.3g} {answer.units.get(output, '')} ({_share(fit.fit_percent)})"
-            table.add_row(escape(f"{what} of {output}, {recording}"), size + (f"; {verdict}" if (verdict := _whiteness(fit, what)) else ""))
+            table.add_row(escape(f"fit of {output}, {recording}"), f"{_size(fit, answer.units.get(output, ''))}{_whiteness(fit)}")
+    for recording, prediction in answer.held_out.items():
+        for output, fit in prediction.fit.items():
+            unit, ahead = answer.units.get(output, ""), prediction.window_rms.get(output)
+            over = "" if ahead is None else f"; {ahead:.3g} {unit} over {prediction.window_s:.3g} s"
+            table.add_row(escape(f"prediction of {output}, {recording}"), f"{_size(fit, unit)}{over}")
     if (times := answer.overstated) > TELLING:
         table.add_row("deviations", f"up to about {times:.2g} times too small: prediction errors are not white")
     for p in answer.profiles.values():
         table.add_row(escape(f"95 % of {p.name}"), f"{_end(p.lower, '-inf')} .. {_end(p.upper, 'inf')} {p.unit}")
+    return table
+
+
+def tracking_table(answer: Tracking) -> Table:
+    """Parameters at the end, the fit of each output, and how long estimates took."""
+    table = Table(title=f"{answer.model}: {answer.solver.status}", title_justify="left", box=None, pad_edge=False)
+    table.add_column("parameter, at the end")
+    table.add_column("value", justify="right")
+    for name, estimate in answer.parameters.items():
+        if not estimate.fixed:
+            table.add_row(escape(name), str(estimate))
+    for recording, outputs in answer.fit.items():
+        for output, fit in outputs.items():
+            table.add_row(escape(f"fit of {output}, {recording}"), f"rms {fit.rms:.3g} {answer.units.get(output, '')}")
+    table.add_row("an estimate took", ", ".join(f"{name} {value:.3g} ms" for name, value in answer.latency_ms.items()))
     return table
 
 
@@ -52,10 +70,14 @@ def simulation_table(answer: Simulation) -> Table:
     return table
 
 
-def _whiteness(fit: OutputFit, what: str) -> str:
-    if what != "fit" or fit.whiteness_p is None or fit.effective_samples is None:
+def _size(fit: OutputFit, unit: str) -> str:
+    return f"rms {fit.rms:.3g} {unit} ({_share(fit.fit_percent)})"
+
+
+def _whiteness(fit: OutputFit) -> str:
+    if fit.whiteness_p is None or fit.effective_samples is None:
         return ""
-    return "white" if fit.whiteness_p >= DOUBT else f"not white, {fit.effective_samples:.0f} effective of {fit.samples}"
+    return "; white" if fit.whiteness_p >= DOUBT else f"; not white, {fit.effective_samples:.0f} effective of {fit.samples}"
 
 
 def _end(value: float | None, nothing: str) -> str:

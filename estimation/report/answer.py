@@ -16,7 +16,7 @@ from .quantities import count, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
     from ..recordings.recording import Recording
-    from ..results import OutputFit, ParameterEstimate, Smoothing
+    from ..results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing
 
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
@@ -58,11 +58,11 @@ def answer(result: Smoothing, recordings: Sequence[Recording]) -> str:
         said.append("with all parameters fixed estimates its states and the forces it does not explain.")
     if not result.solver.converged:
         said.insert(0, "<b>The solver did not converge: the numbers are those where it stopped.</b> ")
-    said.append(_met(result))
+    said += [_met(result), _predicted(result)]
     rests = []
     for place, summary in result.residual_places.items():
         rms = escape(quantity(summary.rms, summary.unit))
-        rests.append(f"{rms} rms at {code(place)}{_share(summary.rms, summary.unit, result, used)}")
+        rests.append(f"{rms} rms at {code(place)}{_share(summary.rms, summary.unit, result, used)}{_near_rest(summary)}")
     if rests:
         said.append(f" Unexplained: {joined(rests[:NAMED])}{' and more' if len(rests) > NAMED else ''}.")
     return "".join(said)
@@ -89,6 +89,19 @@ def _met(result: Smoothing) -> str:
     return f" {joined(met)}."
 
 
+def _predicted(result: Smoothing) -> str:
+    """How closely held-out outputs are predicted, over windows where there are any: the first of them by name."""
+    said = []
+    for name, prediction in result.held_out.items():
+        for output, fit in prediction.fit.items():
+            unit, ahead = result.units.get(output, ""), prediction.window_rms.get(output)
+            over = "" if ahead is None else f", {escape(quantity(ahead, unit))} over {quantity(prediction.window_s, 's')}"
+            size = f"{escape(quantity(fit.rms, unit))} rms (fit {percent(fit.fit_percent)}){over}"
+            said.append(f"{code(output)} of {code(name)} is predicted to {size}")
+    more = f", {len(said) - NAMED} more below" if len(said) > NAMED else ""
+    return f" Held out: {'; '.join(said[:NAMED])}{more}." if said else ""
+
+
 def _share(rms: float, unit: str, result: Smoothing, recordings: Sequence[Recording]) -> str:
     """How much that is of the one input in the same unit; nothing where there is none, or more than one."""
     alike = [n for n in recordings[0].inputs if unit and result.units.get(f"input.{n}", result.units.get(n)) == unit] if recordings else []
@@ -99,6 +112,14 @@ def _share(rms: float, unit: str, result: Smoothing, recordings: Sequence[Record
     if not size > 0:
         return ""
     return f", {number(100 * rms / size, 2)} % of the input {code(alike[0])} ({escape(quantity(size, unit))} rms)"
+
+
+def _near_rest(summary: ResidualSummary) -> str:
+    """What stands in for a friction law near rest, which the rms leaves out."""
+    if not summary.rest_share > 0:
+        return ""
+    size = escape(quantity(summary.rest_rms, summary.unit))
+    return f" (and {size} rms in the {number(100 * summary.rest_share, 2)} % of the samples near rest, where it stands in for friction)"
 
 
 def noise_std(result: Smoothing, output: str, recording: Recording | None) -> float | None:

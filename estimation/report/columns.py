@@ -19,7 +19,7 @@ class Columns:
     def of(cls, frame: pd.DataFrame) -> "Columns":
         names = [str(c) for c in frame.columns]
         known = set(names)
-        plain = [c for c in names if c not in {"t_s", "recording"} and not c.endswith((".std", ".measured"))]
+        plain = [c for c in names if c not in {"t_s", "recording", "outcome"} and not c.endswith((".std", ".measured"))]
         outputs = tuple(c for c in plain if f"{c}.measured" in known)
         residuals = tuple(c for c in plain if c.startswith("residual."))
         return cls(outputs=outputs, residuals=residuals, states=tuple(c for c in plain if c not in outputs and c not in residuals))

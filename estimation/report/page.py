@@ -14,7 +14,7 @@ from .columns import Columns
 from .document import document, drawn, points_per_curve, save
 from .figures import input_chart, output_chart, profile_chart, residual_chart, residual_scatter, state_chart, whiteness_chart
 from .quantities import count, quantity
-from .tables import criteria_facts, facts, fit_table, parameter_table, prediction_table, profile_table, weight_table
+from .tables import correlation_table, criteria_facts, facts, fit_table, parameter_table, prediction_table, profile_table, weight_table
 
 if TYPE_CHECKING:
     from ..recordings.recording import Recording
@@ -35,7 +35,7 @@ def write_report(result: Smoothing, path: str | Path, *, recordings: Sequence[Re
     names = [r.name for r in recordings if r.name in result.estimates] + [n for n in result.estimates if n not in by_name]
     points = points_per_curve(sum(_curves(result, n) for n in names) + 3 * sum(len(p.fit) for p in result.held_out.values()))
     longest = max((len(result.estimates[n]) for n in names), default=0)
-    sections = [("parameters", "Parameters", parameter_table(result) if result.parameters else "")]
+    sections = [("parameters", "Parameters", parameter_table(result) + correlation_table(result) if result.parameters else "")]
     criteria = criteria_facts(result.criteria) if result.criteria is not None else ""
     sections.append(("fit", "Fit", fit_table(result.fit, result) + criteria if result.fit else ""))
     sections.append(("profiles", "Profile likelihood", _profiles(result)))

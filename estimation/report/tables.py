@@ -14,7 +14,17 @@ from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
 if TYPE_CHECKING:
     from ..results import Criteria, OutputFit, Prediction, Profile, Smoothing
 
-__all__ = ["criteria_facts", "facts", "fit_table", "parameter_table", "prediction_table", "profile_table", "table", "weight_table"]
+__all__ = [
+    "correlation_table",
+    "criteria_facts",
+    "facts",
+    "fit_table",
+    "parameter_table",
+    "prediction_table",
+    "profile_table",
+    "table",
+    "weight_table",
+]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, words: Sequence[int] = (0,), codes: Sequence[int] = (0,)) -> str:
@@ -41,6 +51,15 @@ def parameter_table(result: Smoothing) -> str:
         guess = [number(p.guess, 6)] if guessed else []
         rows.append([name, value, NOTHING if p.fixed else std, pretty(p.unit), share, *guess, "fixed" if p.fixed else "estimated", known])
     return table(head, rows, words=(0, 3, len(head) - 2, len(head) - 1))
+
+
+def correlation_table(result: Smoothing) -> str:
+    """Correlations of the estimated parameters, the half below the diagonal; nothing where there is but one."""
+    names, matrix = [str(name) for name in result.correlation], result.correlation.to_numpy()
+    if len(names) < 2:
+        return ""
+    below = [[f"{r:z.2f}".replace("-", "−") if k < i else "" for k, r in enumerate(row[:-1])] for i, row in enumerate(matrix)]
+    return table(["correlation", *names[:-1]], [[name, *row] for name, row in zip(names, below, strict=True)][1:])
 
 
 def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> str:

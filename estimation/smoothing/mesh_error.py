@@ -95,7 +95,7 @@ def refine(
         moved = _moved(checked.solution, finer)
         if keep or not exceeds(checked.solution, moved, LEFT):
             return replace(checked, error=moved, mattered=checked.mattered or exceeds(checked.solution, moved))
-        finer = again(finer, horizons, degree, True)
+        finer = again(finer, list(finer.transcription.horizons), degree, True)
         if not finer.solved.status.converged:
             break
         error = {name: LEFT * size for name, size in moved.items()}

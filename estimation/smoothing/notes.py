@@ -15,10 +15,11 @@ from ..recordings.gaps import gap_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed
+from .agreement import contradictions, nothing_there
 from .along import forces
 from .mesh_error import allowed
 from .outliers import outlier_notes
-from .rest import ROOM
+from .rest import ROOM, near_rest
 from .suppositions import bound_notes, colour, supposed_notes
 from .undetermined import open_combinations
 from .unseen import unseen_states
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
-FLOOR = 0.5  # sum r^2 over sum (1 - l), 1 where W settled; below, far beyond the iteration's own tolerance, W could go no lower
-TOLD = 8.0  # values that tell W: with fewer W^2 is within two of its own deviations of zero
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
@@ -47,6 +46,7 @@ def notes(
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution),
+        *contradictions(problem, run),
         *on_errors(fit),
         *on_residuals(residuals, nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),
@@ -90,30 +90,6 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
         elif r.whiteness_p is not None and r.whiteness_p < DOUBT and place not in silent:
             found.append(f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there.")
-    return found
-
-
-def nothing_there(problem: Problem, run: Run) -> set[str]:
-    """Places whose W from the data ended at its floor, and not where the data want it.
-
-    With f = sum (1 - l), what the data tell of the force, a fixed point of `variances.py` has sum r^2 = f, and its W^2 a deviation of
-    sqrt(2/f) of itself. The intervals near rest, which have more room, do not count.
-    """
-    solution, found = run.choice.solution, set[str]()
-    t = solution.transcription
-    if not t.soft or solution.curvature is None or not run.choice.settled:
-        return found
-    number, std = solution.term(t.force_term), t.force_std_at(solution.values)
-    rows, leverage, scale = solution.rows[number], solution.leverage(number), solution.values.scale[number]
-    for i, k in enumerate(t.soft):
-        place = t.dae.places[k]
-        if place in problem.dae.places and place.name not in problem.weights.W:
-            part = slice(i, None, len(t.soft))
-            moving = std[i] <= 2.0 * std[i].min()
-            there = (scale[part] > 0) & moving[t.nlp.terms[number].interval]
-            squares, freedom = np.sum(rows[part][there] ** 2), np.sum(1.0 - (leverage[part] * scale[part] ** 2)[there])
-            if squares < FLOOR * freedom or freedom < TOLD:
-                found.add(place.name)
     return found
 
 
@@ -244,4 +220,4 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
 def _share_with_room(solution: Solution) -> float:
     t = solution.transcription
     std = t.force_std_at(solution.values)[[i for i, k in enumerate(t.soft) if not t.dae.places[k].name.startswith(INPUT)]]
-    return float(np.mean(np.any(std > 2.0 * std.min(axis=1, keepdims=True), axis=0))) if std.size else 0.0
+    return float(np.mean(np.any(near_rest(std), axis=0))) if std.size else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,7 @@ from ..validation.rates import undriven_rates
 from ..validation.validate import Validation, followed, validate
 from .columns import columns, places
 from .notes import notes
+from .rest import rows_near_rest
 from .variances import Choice
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -65,10 +66,12 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     fit = {name: validation.fits(recordings[name], table) for name, table in estimates.items()}
     inputs: dict[str, dict[str, Array]] = {name: dict(recordings[name].inputs) for name in estimates}
     rates = undriven_rates(solution, problem.fitted)
-    residuals = _residuals(problem, estimates, inputs, validation, rates)
+    sizes = _sizes(problem, solution, [piece for parts in pieces.values() for piece in parts])
+    residuals = _residuals(problem, sizes, estimates, inputs, validation, rates)
+    parameters = _parameters(problem, solution, estimates)
     return Smoothing(
         model=dae.name,
-        parameters=_parameters(problem, solution, estimates),
+        parameters=parameters,
         estimates=estimates,
         inputs=inputs,
         units=_units(problem),
@@ -89,6 +92,7 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
         ),
         residual_places=residuals,
         notes=notes(problem, run, fit, residuals),
+        correlation=_correlation(problem.posed, solution, parameters),
         criteria=validation.criteria,
         solution=solution,
     )
@@ -135,6 +139,18 @@ def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd
     return out
 
 
+def _correlation(problem: Problem, solution: Solution, parameters: Mapping[str, ParameterEstimate]) -> pd.DataFrame:
+    """Correlations of the free parameters of the posed problem that have a deviation; what drifts is a state there, and no number."""
+    if solution.curvature is None:
+        return pd.DataFrame()
+    names = [problem.dae.parameters[i].name for i in problem.free]
+    told = [name for name, p in parameters.items() if p.std is not None and name in names]
+    rows = [names.index(name) for name in told]
+    covariance = solution.curvature.parameter_covariance[np.ix_(rows, rows)]
+    std = np.sqrt(np.diag(covariance))
+    return pd.DataFrame(covariance / np.outer(std, std), told, told)
+
+
 def _identified(value: float, std: float | None, info: ParameterInfo) -> bool:
     if std is None:
         return False
@@ -151,25 +167,49 @@ def _units(problem: Problem) -> dict[str, str]:
 
 def _residuals(
     problem: Problem,
+    rms: Mapping[str, Rms],
     estimates: dict[str, pd.DataFrame],
     inputs: dict[str, dict[str, Array]],
     validation: Validation,
     rates: Mapping[str, pd.DataFrame],
 ) -> dict[str, ResidualSummary]:
-    out, states, units = {}, tuple(q.name for q in problem.dae.states), _units(problem)
-    for place in problem.posed.dae.places:
+    states, units = tuple(q.name for q in problem.dae.states), _units(problem)
+    return {
+        place.name: ResidualSummary(
+            place=place.name,
+            unit=place.unit,
+            origin=place.origin,
+            whiteness_p=validation.force_p.get(place.name),
+            follows=followed(place.name, place.unit, estimates, inputs, states, units, rates),
+            **asdict(rms[place.name]),
+        )
+        for place in problem.posed.dae.places
+        if place.name in rms
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rms:
+    """Of a residual force, as `ResidualSummary` has it."""
+
+    rms: float
+    rest_rms: float | None
+    rest_share: float
+
+
+def _sizes(problem: Problem, solution: Solution, pieces: Sequence[pd.DataFrame]) -> dict[str, Rms]:
+    """Place -> how large its residual force is; pieces: the estimates of every horizon."""
+    found, rests = {}, [rows_near_rest(solution, number) for number in range(len(pieces))]
+    for k, place in enumerate(problem.posed.dae.places):
         if place.name in places(problem):
-            values = np.concatenate([table[f"residual.{place.name}"].to_numpy() for table in estimates.values()])
-            rms = float(np.sqrt(np.nanmean(values**2)))
-            out[place.name] = ResidualSummary(
-                place=place.name,
-                unit=place.unit,
-                rms=rms,
-                origin=place.origin,
-                whiteness_p=validation.force_p.get(place.name),
-                follows=followed(place.name, place.unit, estimates, inputs, states, units, rates),
+            squares = np.concatenate([piece[f"residual.{place.name}"].to_numpy() ** 2 for piece in pieces])
+            resting = np.concatenate([rest.get(k, np.zeros(len(piece), bool)) for rest, piece in zip(rests, pieces, strict=True)])
+            found[place.name] = Rms(
+                rms=float(np.sqrt(np.mean(squares if resting.all() else squares[~resting]))),
+                rest_rms=float(np.sqrt(np.mean(squares[resting]))) if resting.any() else None,
+                rest_share=float(np.mean(resting)),
             )
-    return out
+    return found
 
 
 def _noises(problem: Problem, run: Run) -> dict[str, float]:

@@ -11,18 +11,23 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_propagation
 
+from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
 from .along import along
 
+Room = NDArray[np.bool_]
+
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
 ROOM = 50.0  # factor on the standard deviation of a residual force near rest, at least
+ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
 TINY = 1e-300  # strength that still marks an interval near rest
 VELOCITIES = ("v_rel", "w_rel", "omega_rel")
@@ -124,6 +129,21 @@ def with_room(force_std: Array, at_rest: Array) -> Array:
     """Standard deviations in every interval from those of the places (n_soft,) and those `open_at_rest`; (n_soft, N)."""
     std = np.broadcast_to(force_std[:, None], at_rest.shape)
     return np.where(at_rest > 0, np.maximum(ROOM * std, at_rest), std)
+
+
+def near_rest(std: Array) -> Room:
+    """Which intervals of a place have room for rest, by standard deviations as `with_room` made them; (n_soft, N)."""
+    return np.asarray(std > ROOMY * std.min(axis=1, keepdims=True, initial=np.inf), dtype=np.bool_)
+
+
+def rows_near_rest(solution: Solution, number: int) -> dict[int, Room]:
+    """Place -> which samples of a horizon are in such intervals, (n,); one at a knot has a part in both."""
+    t = solution.transcription
+    horizon, room = t.horizons[number], near_rest(t.force_std_at(solution.values))
+    interval, tau = horizon.mesh.locate(horizon.time)
+    here = t.offsets[number] + interval
+    before = here - ((tau == 0) & (interval > 0))
+    return dict(zip(t.soft, room[:, here] | room[:, before], strict=True))
 
 
 def _strengths(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> list[float]:

@@ -19,6 +19,7 @@ from ..delays import settled
 from ..holds import with_better_hold
 from ..problem import Problem
 from ..results import Smoothing
+from .along import RIGID, exact_forces
 from .approach import approach
 from .horizons import output_stds, shown_noise
 from .initial_guess import balance
@@ -37,7 +38,6 @@ Stds = list[dict[str, float]]
 
 MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mesh is chosen anew
 ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the way
-RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -98,6 +98,9 @@ def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) 
         if rough is not None:
             followed, start, stds = _followed(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
             force_std = dict(zip(rough.solution.transcription.soft, rough.force_std.tolist(), strict=True))
+            # guesses far too large make forces that are none
+            now = exact_forces(problem, followed, start)
+            work = replace(work, floor={k: min(std, now[k]) for k, std in floor.items()})
     meshed = work.meshed(followed, stds, force_std, start)
     if meshed.rigid and set(given) == set(force_std):
         force_std = {}

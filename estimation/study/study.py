@@ -27,6 +27,7 @@ from backsight.models.errors import InputError, suggestion
 from ..recordings.columns import InputColumn, OutputColumn
 from ..recordings.excitation import check_excitation, told_at_rest
 from ..recordings.recording import Recording
+from ..recordings.rows import RowReader
 from ..wording import number, quoted
 from .errors import place, sentence
 from .model_source import compiled, load_model
@@ -127,6 +128,27 @@ class Study:
                     f"{where}: horizon, samples = {samples} is longer than {recording.name} with {recording.time.size} rows; shorten it"
                 )
         return samples
+
+    @property
+    def streamed(self) -> RecordingTable:
+        """The recording whose columns rows have that come in one by one: the first that is to be fitted."""
+        for entry in self.file.recording:
+            if entry.role == "fit":
+                return entry
+        raise InputError(f'{self.label}: no recording has role = "fit"; rows that come in are read as its columns say')
+
+    def rows(self, header: str, *, label: str) -> RowReader:
+        """A reader of rows under a header, with the columns of `streamed`."""
+        self._check_signals()
+        entry = self.streamed
+        return RowReader(
+            header,
+            time=_input(entry.time),
+            inputs={name: _input(column) for name, column in entry.inputs.items()},
+            outputs={name: _output(column) for name, column in entry.outputs.items()},
+            units={q.name: q.unit for q in (*self.dae.inputs, *self.dae.outputs)},
+            label=label,
+        )
 
     def problem(self) -> Problem:
         """The estimation problem. Raises InputError where it cannot be posed."""

@@ -20,6 +20,7 @@ from scipy.linalg import lapack
 from backsight.ocp import Solution
 from backsight.ocp.polynomials import radau_weights
 
+from ..smoothing.rest import near_rest
 from .autocorrelation import products
 from .innovations import Filtered, Innovations
 from .whiteness import LEAST, bands, longest_lag
@@ -27,7 +28,6 @@ from .whiteness import LEAST, bands, longest_lag
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 DRAWS = 120
-ROOM = 2.0  # times the least standard deviation of a place: near rest the smoother gives it more, and sees other things
 
 
 def smoothed_noises(run: Innovations, v: Array) -> Array:
@@ -68,8 +68,7 @@ def force_whiteness(solution: Solution, filtered: Filtered) -> dict[int, float]:
         basis = np.linalg.svd(run.E, full_matrices=False)[0]
         w = impulses(solution, smoothed_noises(run, v - basis @ (basis.T @ v)))
         edges = bands(reach[number])
-        here = std[:, t.offsets[number] : t.offsets[number + 1]]
-        w[here > ROOM * here.min(axis=1, keepdims=True)] = np.nan
+        w[near_rest(std[:, t.offsets[number] : t.offsets[number + 1]])] = np.nan
         for k, place in enumerate(t.soft):
             sums = np.array([np.add.reduceat(products(e)[0][: edges[-1]], edges[:-1]) for e in w[k].T])
             found[place].append(sums)

@@ -18,6 +18,7 @@ be known at the start; R' is the square root of the information on x_(k+1) and p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -101,11 +102,12 @@ class Stage:
         e[list(self.prompt)] = ((model(x, u, self._parameters(p), t)) - target[list(self.prompt)]) * scale[list(self.prompt)]
         return ca.Function("last", [x, p, d], [ca.densify(e), ca.densify(ca.jacobian(e, ca.vertcat(x, p)))], {"cse": True})
 
-    def links(self, typical: tuple[Array, Array, Array]) -> tuple[Any, Any]:
+    def links(self, typical: tuple[Array, Array, Array]) -> tuple[Any, Any, Any]:
         """Functions of the elimination; typical: (y, p_ref, d) that tell which unknowns the exact equations give best.
 
         forward  (Rd (n, n + 1), y, p_ref, d) -> Rd of the next knot, E (nx + interior, n + 1), the squares that the elimination takes away
         backward ([dx; dp] (n,) of the next knot, E) -> [dx; dp] of this one, d interior
+        spread   (as forward) -> Rd of the next knot, E, G (nx + interior, m): [dx; d interior] = -E [dx'; dp'; 1] + G e with e ~ N(0, I)
         """
         ip, total, n = self.interpolation, self._y.shape[0], self.size
         nx, inner, own = ip.states, range(ip.states, ip.states + ip.interior), ip.states + ip.interior
@@ -126,10 +128,19 @@ class Stage:
         E[others, :] = of_others
         E[list(given), :] = of_given[:, m:] - of_given[:, :m] @ of_others
         forward = self._function("forward", [Rd], [rest[m : m + n, m:], E, ca.sumsqr(rest[:m, -1])])
+        G = ca.SX(own, m)
+        G[others, :] = back_substituted(ca.horzcat(rest[:m, :m], ca.SX.eye(m)), m)
+        G[list(given), :] = -of_given[:, :m] @ G[others, :]
+        spread = self._function("spread", [Rd], [rest[m : m + n, m:], E, G])
         right, E = ca.SX.sym("right", n), ca.SX.sym("E", own, n + 1)
         left = -(E[:, :n] @ right + E[:, n])
         backward = ca.Function("backward", [right, E], [ca.vertcat(left[:nx], right[nx:]), left[nx:]])
-        return forward, backward
+        return forward, backward, spread
+
+    def sampled(self, name: str, expression: Any, places: Sequence[float]) -> Any:
+        """(y, p_ref, d) -> a column of the model, undisturbed, at places of the interval, (rows, len(places))."""
+        function = self._pieces.function(name, self.dae.undisturbed(expression))
+        return self._function(name, [], [ca.horzcat(*(self._at(function, tau) for tau in places))])
 
     def _function(self, name: str, first: list[Any], results: list[Any]) -> Any:
         return ca.Function(name, [*first, self._y, self._p_ref, self._d], [ca.densify(r) for r in results], {"cse": True})

@@ -19,22 +19,24 @@ from collections import deque
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import lapack
 from scipy.optimize import lsq_linear
 
 from ..polynomials import Array
 from .called import Called
+from .prediction import Prediction
 from .stage import Stage
 from .trajectory import Known, Solve, Trajectory
 
 Update = Literal["smoothing", "filtering"]
 
 SQUARES = 1e300  # corner of a loss that has none
+TRUSTED, ORDINARY, DOUBTED = 1, 0, -1
+SETTLED = 0.02  # of a deviation: what reweighing may still move
 SINGULAR = 1e-10  # of the largest singular value of R, its columns scaled: less tells nothing
 SUFFICIENT = 1e-4  # share of a step's promised descent that it must keep
 SHORTEST = 2.0**-8  # step length at which no descent is left
-PREDICTIONS = 10  # Newton steps of a prediction
-PRECISE = 1e-9  # relative size of its last step
 
 
 class Window:
@@ -42,8 +44,10 @@ class Window:
 
     here: the trajectory in force. d (nd, k): numbers of the stages; newest: those of the sample at the last knot; in both the samples'
     scales are what they are without loss. known: of every knot what the stages before it tell, None where it was not asked yet.
-    corner (ny,): where Huber's loss of an output begins [deviations]; SQUARES where it does not. bounds: of p, each (np,).
-    Rd (n, n + 1): what all samples tell of the newest state and p, about the trajectory before the last step.
+    corner (ny,): where Huber's loss of an output begins [deviations]; SQUARES where it does not. faith (ny, k) and (ny,): of every
+    sample TRUSTED, as a square all the same, DOUBTED, not at all for now, or ORDINARY. bounds: of the newest x and of p, each (n,).
+    told: what all samples tell of the newest state and p; ahead: what they told of it before its own
+    sample, or of the knot `passed` stages before; before: what they tell of the knot before the newest without its own.
     """
 
     def __init__(
@@ -54,14 +58,17 @@ class Window:
         self.stage, self.length, self.bounds, self.corner, self.update = stage, length, bounds, corner, update
         self.here = Trajectory(known.reference[:nx, None].copy(), np.empty((ip.interior, 0)), known.reference[nx:].copy())
         self.d, self.newest = np.empty((stage.numbers, 0)), np.zeros(stage.last.size1_in(2))
+        self.faith, self.faith_newest = np.empty((len(corner), 0), dtype=np.int8), np.zeros(len(corner), dtype=np.int8)
         self.known: deque[Known | None] = deque([known])
-        self.Rd = known.Rd.copy()
+        self.told = self.ahead = self.before = known
+        self.passed = 0
         y = np.concatenate([known.reference[:nx], np.zeros(ip.interior), known.reference])
-        forward, backward = stage.links((y, self.here.p, typical))
+        forward, backward, spread = stage.links((y, self.here.p, typical))
+        self._spread = Called(spread)
         self._forward, self._forwards = Called(forward), Called(forward.mapaccum("forwards", length))
         self._backward, self._backwards = Called(backward), Called(backward.mapaccum("backwards", length))
         self._residual, self._residuals = Called(stage.residuals), Called(stage.residuals.map(length))
-        self._last, self._balances = Called(stage.last), Called(stage.balances)
+        self._last, self._rows, self._predicted = Called(stage.last), Called(stage.rows), Prediction(stage)
 
     @property
     def count(self) -> int:
@@ -74,45 +81,68 @@ class Window:
         """A stage more, predicted without residual force; the first one leaves when the window is full. d (nd,): its numbers."""
         if self.count == self.length:
             self._leave()
-        x, inner = self.predicted(d)
         here = self.here
+        x, inner = self._predicted(here.x[:, -1], here.p, d)
         self.here = Trajectory(np.column_stack([here.x, x]), np.column_stack([here.inner, inner]), here.p)
         self.d = np.column_stack([self.d, d])
         self.known.append(None)
-        self.newest = np.zeros_like(self.newest)
+        self.passed += 1
+        self.faith = np.column_stack([self.faith, self.faith_newest])
+        self.newest, self.faith_newest = np.zeros_like(self.newest), np.zeros_like(self.faith_newest)
 
     def _leave(self) -> None:
         here = self.here
         if self.update == "smoothing" or self.known[1] is None:
-            d = self._weighed(self.d, self._lessened(self._errors(here, here.p)[0]))[:, 0]
+            d = self._weighed(self.d, self._lessened(self._errors(here, here.p)[0], self.faith))[:, 0]
             Rd = self._forward(self._arrival(here), here.stages[:, 0], here.p, d)[0]
             self.known[1] = Known(Rd=Rd.copy(), reference=np.concatenate([here.x[:, 1], here.p]))
         self.known.popleft()
         self.here, self.d = Trajectory(here.x[:, 1:], here.inner[:, 1:], here.p), self.d[:, 1:]
+        self.faith = self.faith[:, 1:]
+
+    def restart(self, Rd: Array, x: Array) -> None:
+        """No stage and a new state x (nx,), of which Rd (nx, nx + 1) is known; what is known of the parameters stays."""
+        nx, n, p = len(x), self.stage.size, self.here.p
+        told = self.told.about(np.concatenate([self.here.x[:, -1], p]))
+        told = np.asarray(np.linalg.qr(told, mode="r"), dtype=np.float64)
+        both = np.zeros((n, n + 1))
+        both[:nx, :nx], both[:nx, n] = Rd[:, :nx], Rd[:, nx]
+        both[nx:, nx:] = told[nx:n, nx:]
+        known = Known(Rd=both, reference=np.concatenate([x, p]))
+        self.here = Trajectory(x[:, None].copy(), np.empty((len(self.here.inner), 0)), p)
+        self.d, self.faith = self.d[:, :0], self.faith[:, :0]
+        self.newest, self.faith_newest = np.zeros_like(self.newest), np.zeros_like(self.faith_newest)
+        self.known, self.told, self.ahead, self.before = deque([known]), known, known, known
+        self.passed = 0
+
+    def look_ahead(self) -> None:
+        """What the samples before the newest one tell of the newest state, along the trajectory in force."""
+        at, y = self.here, self.here.stages
+        first = max(self.count - self.passed, 0)
+        known = self.known[0] if self.passed > self.count else self.ahead
+        for j in range(first, self.count):
+            if known is None:
+                raise RuntimeError("the first knot of a window is always known")
+            d = self.d[:, j]
+            w = self._lessened(self._residual(y[:, j], at.p, d)[0][:, 0], self.faith[:, j])
+            Rd = self._forward(known.about(np.concatenate([at.x[:, j], at.p])), y[:, j], at.p, self._weighed(d, w))[0]
+            known = Known(Rd=Rd.copy(), reference=np.concatenate([at.x[:, j + 1], at.p]))
+        if known is not None:
+            self.ahead, self.passed = known, 0
+
+    def give_up(self, here: Trajectory) -> None:
+        """Back to a trajectory, which the newest sample has told nothing of."""
+        self.here, self.told = here, self.ahead
+        for j in range(1, len(self.known)):
+            known = self.known[j]
+            if known is not None and not np.all(np.isfinite(known.Rd)):
+                self.known[j] = None
 
     def _arrival(self, at: Trajectory) -> Array:
         first = self.known[0]
         if first is None:
             raise RuntimeError("the first knot of a window is always known")
         return first.about(np.concatenate([at.x[:, 0], at.p]))
-
-    def predicted(self, d: Array) -> tuple[Array, Array]:
-        """State (nx,) at the end of a stage after the newest, and unknowns inside it, when no residual force acts in it."""
-        ip, start, p = self.stage.interpolation, self.here.x[:, -1], self.here.p
-        own = slice(ip.states, ip.local)
-        y = np.concatenate([start, np.zeros(ip.interior), start, p])
-        for _ in range(PREDICTIONS):
-            e, J = self._balances(y, p, d)
-            try:
-                step = np.linalg.solve(J[:, own], -e[:, 0])
-            except np.linalg.LinAlgError:
-                break
-            if not np.all(np.isfinite(step)):
-                break
-            y[own] += step
-            if np.all(np.abs(step) <= PRECISE * (1.0 + np.abs(y[own]))):
-                break
-        return y[ip.states + ip.interior : ip.local], y[ip.states : ip.states + ip.interior]
 
     # ---- solving
 
@@ -121,7 +151,7 @@ class Window:
         done = Solve(iterations=0, converged=False, size=np.inf, missed=np.inf)
         for iteration in range(1, limit + 1):
             e, last, broken = self._errors(self.here, self.here.p)
-            w, w_last = self._lessened(e), self._lessened(last)
+            w, w_last = self._lessened(e, self.faith), self._lessened(last, self.faith_newest)
             cost = self._cost(self.here, e, last, w, w_last)
             step, promise = self._step(w, w_last)
             length, size = 1.0, float(np.sqrt(max(promise, 0.0)))
@@ -136,7 +166,9 @@ class Window:
                     return Solve(iterations=iteration, converged=False, size=size, missed=np.inf)
             missed = float(np.sqrt(abs(now - cost + promise * length * (2 - length))))
             self.here = there
-            done = Solve(iterations=iteration, converged=min(missed, size) <= tolerance, size=size, missed=missed)
+            reweighed = self._reweighed(e, w, self.faith) + self._reweighed(last, w_last, self.faith_newest)
+            settled = size <= tolerance or (missed <= tolerance and reweighed <= SETTLED**2)
+            done = Solve(iterations=iteration, converged=settled, size=size, missed=missed)
             if done.converged:
                 break
         return done
@@ -157,11 +189,17 @@ class Window:
             exact += float(zeros[0, 0])
         return np.hstack(parts), last, exact
 
-    def _lessened(self, e: Array) -> Array:
-        """Roots of the weights that Huber's loss gives the samples, (ny, ..), from residuals of which theirs are the last rows."""
+    def _lessened(self, e: Array, faith: NDArray[np.int8]) -> Array:
+        """Roots of the weights of the samples, (ny, ..), from residuals of which theirs are the last rows."""
         ny = len(self.corner)
-        corner = self.corner.reshape(-1, *(1,) * (e.ndim - 1))
-        return np.asarray(np.sqrt(corner / np.maximum(np.abs(e[len(e) - ny :]), corner)))
+        corner = np.where(faith == TRUSTED, SQUARES, self.corner.reshape(-1, *(1,) * (e.ndim - 1)))
+        w = np.sqrt(corner / np.maximum(np.abs(e[len(e) - ny :]), corner))
+        return np.asarray(np.where(faith == DOUBTED, 0.0, w))
+
+    def _reweighed(self, e: Array, w: Array, faith: NDArray[np.int8]) -> float:
+        """Square of what other weights than w change in the samples' residuals [deviations]."""
+        now = self._lessened(e, faith)
+        return float(np.sum(((now**2 - w**2) * e[len(e) - len(self.corner) :]) ** 2))
 
     @staticmethod
     def _weighed(d: Array, w: Array) -> Array:
@@ -184,10 +222,17 @@ class Window:
                 )
         end = roots[:, (k - 1) * (n + 1) :] if k else self._arrival(at)
         e, J = self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))
-        self.Rd = np.asarray(np.linalg.qr(np.vstack([end, np.hstack([J, e])]), mode="r"), dtype=np.float64)[:n]
-        right = self._bounded(self.Rd, at.p)
-        left = self.Rd[:, :n] @ right + self.Rd[:, n]
-        promise += float(self.Rd[:, n] @ self.Rd[:, n] - left @ left)
+        Rd = np.asarray(np.linalg.qr(np.vstack([end, np.hstack([J, e])]), mode="r"), dtype=np.float64)[:n]
+        newest = np.concatenate([at.x[:, -1], at.p])
+        self.ahead, self.told, self.passed = Known(Rd=end.copy(), reference=newest), Known(Rd=Rd, reference=newest), 0
+        if k > 1:
+            before = np.concatenate([at.x[:, -2], at.p])
+            self.before = Known(Rd=roots[:, (k - 2) * (n + 1) : (k - 1) * (n + 1)].copy(), reference=before)
+        elif k == 1:
+            self.before = Known(Rd=self._arrival(at), reference=np.concatenate([at.x[:, 0], at.p]))
+        right = self._bounded(Rd, newest)
+        left = Rd[:, :n] @ right + Rd[:, n]
+        promise += float(Rd[:, n] @ Rd[:, n] - left @ left)
         dx, inner = np.empty_like(at.x), np.empty_like(at.inner)
         dx[:, -1] = right[:nx]
         if k == self.length:
@@ -216,38 +261,96 @@ class Window:
             total += float(found[2][0, 0])
         return np.hstack(all_roots), np.hstack(all_E), total
 
-    def _bounded(self, Rd: Array, p: Array) -> Array:
-        """The step of the newest state and p that makes |R s + d| least, p within its bounds; what R does not tell stays."""
-        n, R, d = len(Rd), Rd[:, :-1], Rd[:, -1]
+    def _bounded(self, Rd: Array, here: Array) -> Array:
+        """The step of the newest state and p that makes |R s + d| least, within their bounds; what R does not tell stays."""
+        R, d = Rd[:, :-1], Rd[:, -1]
         size = _lengths(R)
         if np.abs(np.diag(R) / size).min() > SINGULAR:
             s = np.asarray(lapack.dtrtrs(R, -d)[0])
         else:
             s = np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size
-        lower, upper = self.bounds[0] - p, self.bounds[1] - p
-        first = n - len(p)
-        if np.all(s[first:] >= lower) and np.all(s[first:] <= upper):
+        lower, upper = self.bounds[0] - here, self.bounds[1] - here
+        if np.all(s >= lower) and np.all(s <= upper):
             return s
-        free = np.full(first, np.inf)
-        found = lsq_linear(
-            R / size, -d, bounds=(np.concatenate([-free, lower]) * size, np.concatenate([free, upper]) * size), method="bvls"
-        )
+        found = lsq_linear(R / size, -d, bounds=(np.minimum(lower, 0.0) * size, np.maximum(upper, 0.0) * size), method="bvls")
         return np.asarray(found.x / size)
+
+    def doubt(self, surprise: Array, gate: float) -> None:
+        """Leave out the newest samples whose surprise (ny,) is greater, until `review` finds otherwise."""
+        self.faith_newest[np.abs(np.nan_to_num(surprise)) > gate] = DOUBTED
+
+    def review(self, run: int) -> bool:
+        """Whether samples are to be judged otherwise now.
+
+        A doubted one that agrees with the trajectory is ordinary; as many as `run` in a row of an output, all too large or all too small,
+        are no errors but what happened, and trusted.
+        """
+        e, last, _ = self._errors(self.here, self.here.p)
+        ny, changed = len(self.corner), False
+        z, scale = np.column_stack([e[len(e) - ny :], last]), np.column_stack([self.d, np.zeros(len(self.d))])[len(self.d) - ny :]
+        scale[:, -1] = self.newest[len(self.newest) - ny :]
+        faith = np.column_stack([self.faith, self.faith_newest])
+        for i in np.flatnonzero((np.abs(z) > self.corner[:, None]).any(axis=1) | (faith == DOUBTED).any(axis=1)):
+            agreeing = (faith[i] == DOUBTED) & (np.abs(z[i]) <= self.corner[i])
+            faith[i, agreeing] = ORDINARY
+            latest = np.flatnonzero(scale[i] > 0)[-run:]
+            gross = z[i, latest]
+            running = len(latest) == run and (np.all(gross > self.corner[i]) or np.all(gross < -self.corner[i]))
+            if running:
+                changed |= bool((faith[i, latest] != TRUSTED).any())
+                faith[i, latest] = TRUSTED
+            changed |= bool(agreeing.any())
+        self.faith, self.faith_newest = faith[:, :-1], faith[:, -1].copy()
+        return changed
 
     # ---- reading
 
     def covariance(self) -> Array:
         """Of the newest state and p, (n, n); inf on the diagonal where nothing is known."""
-        R = self.Rd[:, :-1]
-        size = _lengths(R)
-        _, s, Vt = np.linalg.svd(R / size)
-        told = s > SINGULAR * s.max(initial=1e-300)
-        half = Vt[told] / s[told, None] / size
-        C = half.T @ half
-        unknown = np.any(np.abs(Vt[~told]) > np.sqrt(SINGULAR), axis=0)
+        half, unknown = self.spread()
+        C = half @ half.T
         C[unknown, :] = C[:, unknown] = 0.0
         C[unknown, unknown] = np.inf
         return np.asarray(C)
+
+    def spread(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Root L of the covariance L L' of the newest state and p, (n, ..), and of which of them nothing is known, (n,)."""
+        return root(self.told.Rd[:, :-1])
+
+    def surprise(self) -> Array:
+        """The newest sample less its prediction over the deviation of that, (ny,), NaN where nothing is told; after `look_ahead`."""
+        e, J = self._last(self.here.x[:, -1], self.here.p, self.newest)
+        half, unknown = root(self.ahead.about(np.concatenate([self.here.x[:, -1], self.here.p]))[:, :-1])
+        z = -e[:, 0] / np.sqrt(1.0 + np.sum((J @ half) ** 2, axis=1))
+        z[(np.abs(J[:, unknown]) > 0).any(axis=1) | (self.newest[-len(z) :] == 0)] = np.nan
+        return np.asarray(z)
+
+    def forces(self) -> tuple[Array, Array]:
+        """Mean residual forces of the soft places over the newest stage, and their standard deviations, (n_soft,); inf if nobody knows."""
+        stage, at, ns = self.stage, self.here, len(self.stage.soft)
+        y, d, n, nx = at.stages[:, -1], self.d[:, -1], self.stage.size, at.x.shape[0]
+        d = self._weighed(d, self._lessened(self._residual(y, at.p, d)[0], self.faith[:, -1:])[:, 0])
+        _, E, G = self._spread(self.before.about(np.concatenate([at.x[:, -2], at.p])), y, at.p, d)
+        e, J = self._rows(y, at.p, d)[:2]
+        half, unknown = self.spread()
+        own = nx + len(at.inner)
+        rest = J[:ns, own:] - J[:ns, :own] @ E[:, :n]
+        scale = np.sqrt(d[0]) * d[len(d) - ns - stage.dae.output.shape[0] : len(d) - stage.dae.output.shape[0]]
+        std = np.sqrt(np.sum((J[:ns, :own] @ G) ** 2, axis=1) + np.sum((rest @ half) ** 2, axis=1)) / scale
+        lost = (np.abs(rest[:, unknown]) > 0).any(axis=1) | ~np.isfinite(std)
+        return e[:ns, 0] / scale, np.where(lost, np.inf, std)
+
+
+def root(R: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Root (n, ..) of the covariance that the information R' R leaves, and of which of the unknowns it tells nothing."""
+    size = _lengths(R)
+    scaled = R / size
+    if np.abs(np.diag(scaled)).min() > SINGULAR and not np.any(np.tril(R, -1)):
+        return np.asarray(lapack.dtrtri(scaled)[0] / size[:, None]), np.zeros(len(R), dtype=bool)
+    _, s, Vt = np.linalg.svd(scaled)
+    told = s > SINGULAR * s.max(initial=1e-300)
+    half = Vt[told].T / s[told] / size[:, None]
+    return half, np.any(np.abs(Vt[~told]) > np.sqrt(SINGULAR), axis=0)
 
 
 def _lengths(R: Array) -> Array:

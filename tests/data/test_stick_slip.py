@@ -112,3 +112,15 @@ def test_halving_the_step_leaves_a_run_with_events_as_it_is() -> None:
 def test_friction_that_slides_harder_than_it_sticks_is_refused() -> None:
     with pytest.raises(ValueError, match="sliding <= breakaway"):
         coulomb(2.0, breakaway=(1.0,))
+
+
+def test_a_force_that_jumps_with_the_sign_of_the_velocity_ends_with_an_error_and_not_never() -> None:
+    """Friction 1 of the machine and 10 sgn(v) in the force: a drive of 1.1 starts what 11 would hold; one of 14 moves it, with 3."""
+
+    def driven(drive: float) -> Dynamics:
+        return lambda _t, _q, v: (np.eye(1), drive - 10.0 * np.sign(v))
+
+    with pytest.raises(ValueError, match=r"starts and stops without end at t = 7 s: force\(t, q, v\) jumps there"):
+        advance(driven(1.1), coulomb(1.0), 7.0, np.zeros(1), np.zeros(1), 1e-3, 1)
+    q, v = advance(driven(14.0), coulomb(1.0), 7.0, np.zeros(1), np.array([1.0]), 0.1, 10)
+    assert (float(q[0]), float(v[0])) == pytest.approx((0.1 + 0.015, 1.3))

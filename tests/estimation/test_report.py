@@ -140,6 +140,24 @@ def test_every_parameter_is_listed_with_value_uncertainty_and_unit(page: Page) -
         assert shown in text
 
 
+def test_what_stands_in_for_friction_near_rest_is_said_apart(tmp_path: Path) -> None:
+    result, recordings = made()
+    place = replace(result.residual_places["carriage"], rest_share=0.0251, rest_rms=8.2)
+    write_report(replace(result, residual_places={"carriage": place}), tmp_path / "r.html", recordings=recordings)
+    text = Page(tmp_path / "r.html").text
+    assert re.search(r"Unexplained: 0\.3 N rms at carriage, .* rms\) \(and 8\.2 N rms in the 2\.5 % of the samples near rest, where", text)
+
+
+def test_correlations_are_shown_below_the_diagonal(tmp_path: Path) -> None:
+    result, recordings = made()
+    names = ["carriage.m", "friction.d", "offset.f"]
+    matrix = np.array([[1.0, -0.873, 0.004], [-0.873, 1.0, 0.125], [0.004, 0.125, 1.0]])
+    write_report(replace(result, correlation=pd.DataFrame(matrix, names, names)), tmp_path / "r.html", recordings=recordings)
+    page = Page(tmp_path / "r.html").text
+    shown = page[page.index("correlation") :]
+    assert re.search(r"^correlation\s*carriage.m\s*friction.d\s*friction.d\s*−0.87\s*offset.f\s*0.00\s*0.12", shown), shown[:200]
+
+
 def test_the_words_say_how_well_it_fits_and_that_nothing_is_odd(page: Page) -> None:
     assert "x is met to 1.01 µm rms (fit 99.9986 %)" in page.text
     force = f"{np.sqrt(np.mean(made()[0].inputs[NAME]['F'] ** 2)):.3g}"

@@ -26,7 +26,9 @@ def window(
     stage = Stage(dae, number(dae, *names), parameters, tuple(range(dae.w.shape[0])), degree)
     nu, ny = dae.u.shape[0], len(std)
     typical = np.concatenate([[DT, 0.0], np.ones(2 * nu), np.zeros(ny), np.full(dae.w.shape[0], 1 / FORCE_STD), 1 / std])
-    bounds = more.pop("bounds", (np.full(len(names), -np.inf), np.full(len(names), np.inf)))
+    open_ = np.full(dae.x.shape[0], np.inf)
+    low, high = more.pop("bounds", (np.full(len(names), -np.inf), np.full(len(names), np.inf)))
+    bounds = np.concatenate([-open_, low]), np.concatenate([open_, high])
     return Window(stage, length, known, typical, bounds, more.pop("corner", np.full(ny, SQUARES)), update)
 
 

@@ -135,6 +135,10 @@ def test_smooth_recovers_mass_and_damping_and_writes_every_promised_column(folde
         assert estimate["fixed"] is False
         assert abs(estimate["value"] - truth) < 4 * estimate["std"] < 0.1 * truth
     assert {"command", "model", "recordings", "parameters", "weights", "fit", "solver", "version", "seed"} <= set(result)
+    assert result["correlation"]["parameters"] == ["carriage.m", "friction.d"]
+    (one, r), (also_r, also_one) = result["correlation"]["matrix"]
+    assert (one, also_one, r) == pytest.approx((1.0, 1.0, also_r))
+    assert 0.0 < abs(r) < 0.9
     assert {"status", "iterations", "seconds", "build_seconds", "variables"} <= set(result["solver"])
     table = pd.read_csv("out/estimates.csv")
     promised = ["t_s", "x", "x.measured", "x.std", "carriage.s", "carriage.s.std", "carriage.v", "carriage.v.std"]
@@ -151,6 +155,13 @@ def test_smooth_prints_the_estimates_and_where_the_report_is(folder, capsys):
     assert "kg" in out
     assert os.path.join("study", "report.html") in out
     assert (folder / "study" / "report.html").is_file()
+
+
+def test_a_horizon_that_smooth_does_not_use_is_said(folder, capsys):
+    Path("study.toml").write_text(STUDY + "\n[horizon]\nsamples = 50\n")
+    assert main(["smooth", "study.toml", "--out", "out"]) == 0
+    assert "- [horizon] is for a moving horizon" in capsys.readouterr().out
+    assert sum("[horizon]" in note for note in json.loads(Path("out/result.json").read_text())["notes"]) == 1
 
 
 def test_smooth_says_whether_the_errors_are_white_and_how_well_the_model_explains_them(folder, capsys):
@@ -377,10 +388,10 @@ def test_version_and_help_say_what_there_is(capsys):
     for arguments in ([], ["--help"]):
         assert main(arguments) == 0
         out = capsys.readouterr().out
-        for verb in ("demo", "models", "simulate", "smooth"):
+        for verb in ("demo", "models", "simulate", "smooth", "track"):
             assert verb in out
     registered = {info.name or info.callback.__name__ for info in cli.app.registered_commands if info.callback}
-    assert registered == {"demo", "models", "simulate", "smooth"}
+    assert registered == {"demo", "models", "simulate", "smooth", "track"}
 
 
 @pytest.mark.slow
@@ -458,7 +469,10 @@ def test_what_is_held_out_is_predicted_in_result_json_and_in_the_report(folder, 
     assert fit["other.csv"]["x"]["window_rms"] == pytest.approx(1e-5, rel=0.5)
     assert set(pd.read_csv("out/estimates.csv").columns) >= {"x", "x.std"}
     assert len(pd.read_csv("out/estimates.csv")) == len(T)
-    page = Path("out/report.html").read_text()
+    page, ahead = Path("out/report.html").read_text(), fit["other.csv"]["x"]["window_rms"]
     assert "Held out: other.csv" in page
-    assert "predicted" in page
-    assert "prediction of x, other.csv" in capsys.readouterr().out
+    lead = page[page.index("<p class=answer>") :].partition("</p>")[0]
+    assert re.search(
+        rf"Held out: <code>x</code> of <code>other.csv</code> is predicted to .* rms \(fit 99.*{1e6 * ahead:.3g} µm over 0.1 s", lead
+    )
+    assert re.search(rf"prediction of x, other.csv +rms .*; {ahead:.3g} m over 0.1 s", capsys.readouterr().out)

@@ -109,3 +109,18 @@ def test_a_first_weight_far_too_small_gets_a_second_mesh_and_does_no_harm(monkey
     assert s.weights.W["mass"] == pytest.approx(usual.weights.W["mass"], rel=0.15)
     for name in TRUE:
         assert abs(s.parameters[name].value - usual.parameters[name].value) < 0.3 * usual.parameters[name].std
+
+
+def test_the_noise_that_is_told_is_the_one_in_force_however_often_the_mesh_was_made_finer(monkeypatch):
+    monkeypatch.setattr(mesh_error, "UNRESOLVED", 0.0)
+    monkeypatch.setattr(mesh_error, "LEFT", 0.0)  # every halving is solved to the end
+    monkeypatch.setattr(smoother._Work, "roughly", lambda *_: None)  # so that the last factor is far from one
+    rng, n = np.random.default_rng(0), 300
+    time, u = 0.01 * np.arange(n), 20 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
+    y = truths.disturbed(PLANT, time, u, np.array([0.02, -0.1]), 0.1, rng)[:, 0] + 1e-3 * rng.normal(size=n)
+    s = fitted(Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}), 1e-2)
+    scale = s.solution.values.scale[s.solution.term("samples")]
+    assert s.weights.V["x"] == pytest.approx(1.0 / scale[0, 0], rel=1e-9)
+    # W is far too small, so that the noise takes what the forces do
+    assert s.weights.V["x"] > 1.2e-3
+    assert s.fit["run"]["x"].rms == pytest.approx(s.weights.V["x"], rel=0.05)

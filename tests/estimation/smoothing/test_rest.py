@@ -40,6 +40,12 @@ def test_parameters_stay_right_though_the_axis_stands_still_for_a_part_of_the_re
         estimate = result.parameters[name]
         assert estimate.value == pytest.approx(true, rel=0.005), name
         assert abs(estimate.value - true) < 4 * estimate.std, name
+    # nothing but friction is left out, and that only at rest, where it holds what the motor does
+    left, w = result.residual_places["carriage"], result.estimates["axis"]["residual.carriage"]
+    assert left.rms < 1e-3
+    assert 1.0 < left.rest_rms < BODY.f_c
+    assert np.mean(v == 0.0) < left.rest_share < 1.5 * np.mean(v == 0.0)
+    assert left.rest_share * left.rest_rms**2 + (1 - left.rest_share) * left.rms**2 == pytest.approx(np.mean(w**2))
 
 
 def followed(recording: Recording) -> Followed:

@@ -12,8 +12,9 @@ import truths
 from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, lagged, oscillator, shaken, stiffening
 from scipy.linalg import expm
 
-from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
+from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
 from backsight.ocp import Options
 
@@ -162,6 +163,24 @@ def test_a_known_start_is_kept_and_sharpens_what_is_known_of_the_rest():
     assert np.all(np.abs(scores(known)) < 3)
 
 
+@pytest.mark.parametrize("std", [1e-9, 1e-13, 1e-18])
+def test_what_is_known_all_but_exactly_is_as_good_as_known_exactly(std):
+    run, wrong = operate(5), np.array([0.07, 0.0])
+    exact = fit([run], {**FREE, "mass.m": 2.1}, initial={"mass.s": wrong[0], "mass.v": wrong[1]})
+    nearly = fit(
+        [run],
+        {**FREE, "mass.m": Free(2.1, std=std)},
+        initial={name: Known(v, std) for name, v in zip(("mass.s", "mass.v"), wrong, strict=True)},
+    )
+    assert nearly.solver.converged
+    assert nearly.solver.iterations < exact.solver.iterations + 5
+    assert nearly.estimates["run"].iloc[0][["mass.s.std", "mass.v.std"]].to_numpy() == pytest.approx([std, std])
+    for name in ("spring.k", "damper.d", "offset.f"):
+        one, two = exact.parameters[name], nearly.parameters[name]
+        assert abs(one.value - two.value) < 1e-3 * one.std
+        assert two.std == pytest.approx(one.std, rel=1e-6)
+
+
 def test_a_sharp_prior_holds_a_parameter_and_a_vague_one_does_not():
     run = operate(5)
     base = fit([run])
@@ -177,6 +196,25 @@ def test_a_sharp_prior_holds_a_parameter_and_a_vague_one_does_not():
     between = fit([run], {**FREE, "mass.m": Free(base.parameters["mass.m"].value + 2 * std, std=std)})
     assert between.parameters["mass.m"].value == pytest.approx(base.parameters["mass.m"].value + std, abs=0.1 * std)
     assert between.parameters["mass.m"].std == pytest.approx(std / np.sqrt(2), rel=0.05)
+
+
+def test_of_two_offsets_that_only_act_together_the_priors_tell_the_correlation():
+    """Two forces f + g of which the samples tell the sum to a variance c: the precision is diag(1/a^2, 1/b^2) + 1/c in all four places."""
+    model = oscillator().insert("mass", ConstantForce(f=0.0), name="second")
+    a, b, run = 0.03, 0.08, operate(5)
+
+    def smoothed(**offsets: Free | float) -> Smoothing:
+        given = {"mass.m": Free(3.0), "offset.f": offsets["f"], "second.f": offsets["g"]}
+        return smooth(Problem(model=model, recordings=[run.recording], parameters=given, weights=Weights(W={"mass": FORCE_STD})))
+
+    alone = smoothed(f=Free(0.0), g=0.0)
+    c = alone.parameters["offset.f"].std ** 2
+    covariance = np.linalg.inv(np.diag([a**-2, b**-2]) + 1 / c)
+    both = smoothed(f=Free(0.4, std=a), g=Free(0.3, std=b))
+    assert list(both.correlation) == list(both.correlation.index) == ["mass.m", "offset.f", "second.f"]
+    matrix = both.correlation.to_numpy()
+    assert np.diag(matrix) == pytest.approx(np.ones(3))
+    assert matrix[1, 2] == matrix[2, 1] == pytest.approx(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1]), abs=1e-4)
 
 
 def test_a_bound_that_excludes_the_truth_is_reached_and_not_passed():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -56,6 +58,20 @@ def recorded(seed: int) -> tuple[Recording, np.ndarray]:
         x[i + 1] = step[:4, :4] @ x[i] + step[:4, 4] * torque[i]
     noisy = x[:, 0] + NOISE * rng.standard_normal(len(t))
     return Recording(name="run", time=t, inputs={"tau": torque}, outputs={"phi": noisy}, output_std={"phi": NOISE}), x[:, 2]
+
+
+def test_a_torque_in_another_unit_scales_the_parameters_and_no_force_takes_over_the_noise():
+    """Guesses of a machine a thousand times as strong: what they call no force at all would explain every sample."""
+    recording, _ = recorded(0)
+    unit, free = 1e-3, {name: Free(1.7 * true) for name, true in TRUE.items()}
+    weak = replace(recording, inputs={"tau": unit * recording.inputs["tau"]}, output_std={})
+    s = smooth(Problem(model=drive(), recordings=[weak], parameters=free))
+    assert s.solver.converged
+    for name, true in TRUE.items():
+        p = s.parameters[name]
+        assert abs(p.value - unit * true) < 4 * p.std < 0.3 * unit * true, name
+    assert s.weights.V["phi"] == pytest.approx(NOISE, rel=0.1)
+    assert s.fit["run"]["phi"].prediction_rms == pytest.approx(1.0, abs=0.1)
 
 
 def problem(factor: float) -> tuple[Problem, np.ndarray]:

@@ -1,0 +1,120 @@
+"""Do the weights agree with what the fit leaves over? Of right ones a family of rows r, of leverage l, keeps
+
+    E sum r^2 = sum (1 - l) = f,        var sum r^2 <= 2 f,
+
+for the residuals of linear least squares are M e with a projection M, 1 - l its diagonal, and sum_j M_ij^2 = M_ii. So f is how many of its
+rows the data tell.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from backsight.ocp import Solution
+
+from ..problem import Problem
+from ..supposed import INPUT, PARAMETER
+from .horizons import shown_noise
+from .rest import near_rest
+from .robust import RobustSolution
+
+if TYPE_CHECKING:
+    from .outcome import Run
+
+FLOOR = 0.5  # sum r^2 over f, 1 where W settled; below, far beyond the iteration's own tolerance, W could go no lower
+TOLD = 8.0  # values that tell W: with fewer W^2 is within two of its own deviations of zero
+OFF = 1.25  # times what a weight allows is worth a word,
+SURE = 5.0  # where that is as many deviations of the sum of squares
+MISLEAD = "Values and deviations mislead."
+COLOURED = 2.0  # times the noise that the samples' differences show: three quarters of the variance are something else
+
+
+def nothing_there(problem: Problem, run: Run) -> set[str]:
+    """Places whose W from the data ended at its floor, and not where the data want it.
+
+    A fixed point of `variances.py` has sum r^2 = f, and its W^2 a deviation of sqrt(2/f) of itself. The intervals near rest, which have
+    more room, do not count.
+    """
+    solution, found = run.choice.solution, set[str]()
+    t = solution.transcription
+    if not t.soft or solution.curvature is None or not run.choice.settled:
+        return found
+    for i, k in enumerate(t.soft):
+        place = t.dae.places[k]
+        if place in problem.dae.places and place.name not in problem.weights.W:
+            squares, f = force_squares(solution, i)
+            if squares < FLOOR * f or f < TOLD:
+                found.add(place.name)
+    return found
+
+
+def contradictions(problem: Problem, run: Run) -> list[str]:
+    """A sentence for every weight that was given and is exceeded by what it weighs, and for noises from the data that are no noise."""
+    solution = run.choice.solution
+    t, found = solution.transcription, list[str]()
+    if solution.curvature is None:
+        return found
+    for i, k in enumerate(t.soft):
+        place = t.dae.places[k]
+        times = _excess(*force_squares(solution, i))
+        if times and (place not in problem.dae.places or place.name in problem.weights.W):
+            found.append(f"{_exceeded(place.name, times)}: that contradicts the data, or the model lacks something there. {MISLEAD}")
+    shown = shown_noise(problem)
+    for i, q in enumerate(t.dae.outputs):
+        with_it = [h for h, table in enumerate(run.stds) if q.name in table]
+        given = [h for h in with_it if q.name not in run.open_outputs[h]]
+        times = _excess(*output_squares(solution, i, given))
+        if times:
+            found.append(
+                f"{q.name}: measured minus smoothed is {times:.2g} times what V of {q.name} allows: that contradicts the data, or W "
+                f"leaves too little room. {MISLEAD}"
+            )
+        noise = max((run.noise(h, q.name, i) / shown[h, i] for h in with_it if h not in given and shown[h, i] > 0), default=0.0)
+        if noise > COLOURED:
+            found.append(
+                f"V of {q.name} is {noise:.2g} times the noise that differences of its samples show: most of what the fit leaves over is "
+                f"something else, and W leaves too little room for it. {MISLEAD}"
+            )
+    return found
+
+
+def _exceeded(place: str, times: float) -> str:
+    """Which weight of a place is exceeded, and by how much."""
+    kind, colon, name = place.partition(":")
+    if kind + colon == INPUT:
+        return f"What {name} is off by is {times:.2g} times what V of {name} allows"
+    if kind + colon == PARAMETER:
+        return f"{name} moves {times:.2g} times as far as its drift allows"
+    return f"residual.{place} is {times:.2g} times what W of {place} allows"
+
+
+def _excess(squares: float, f: float) -> float:
+    """How many times as large as supposed a family is, where that is sure and worth a word, else 0."""
+    times = float(np.sqrt(squares / f)) if f > 0 else 0.0
+    return times if times > OFF and squares - f > SURE * np.sqrt(2.0 * f) else 0.0
+
+
+def force_squares(solution: Solution, i: int) -> tuple[float, float]:
+    """sum r^2 and f of the i-th soft place, without the intervals near rest."""
+    t = solution.transcription
+    number = solution.term(t.force_term)
+    scale, moving = solution.values.scale[number], ~near_rest(t.force_std_at(solution.values))
+    part = slice(i, None, len(t.soft))
+    there = (scale[part] > 0) & moving[i, t.nlp.terms[number].interval]
+    leverage = solution.leverage(number)[part] * scale[part] ** 2
+    return float(np.sum(solution.rows[number][part][there] ** 2)), float(np.sum(1.0 - leverage[there]))
+
+
+def output_squares(solution: Solution, i: int, horizons: list[int]) -> tuple[float, float]:
+    """The same of the i-th output's samples in these horizons."""
+    t, number = solution.transcription, solution.term("samples")
+    ours = np.repeat(np.isin(np.arange(len(t.horizons)), horizons), [len(h.time) for h in t.horizons])
+    if isinstance(solution, RobustSolution):
+        squares, f = solution.squares()
+        return float(np.sum(squares[i][ours])), float(np.sum(f[i][ours]))
+    scale = solution.values.scale[number][i]
+    there = (scale > 0) & ours
+    leverage = solution.leverage(number)[i] * scale**2
+    return float(np.sum(solution.rows[number][i][there] ** 2)), float(np.sum(1.0 - leverage[there]))
