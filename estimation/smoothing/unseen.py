@@ -2,9 +2,10 @@
 
 Samples cannot be followed where there are none. Often the balances of what is seen tell it all the same: the torque of a shaft is what a
 seen inertia cannot explain, the twist that torque over a stiffness, and the speed of the load follows from the twist. Where every unseen
-state is told so (`telling_places`), these balances need no better start than that. Elsewhere the model says how the unseen states go with the seen ones, at the first guesses
-of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
-body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve.
+state is told so (`telling_places`), these balances need no better start than that. Elsewhere the model says how the unseen states go
+with the seen ones, at the first guesses of the parameters: a smoothing problem with the parameters held and little room for residual
+forces. A friction law would hold an unseen body that starts at rest, so its sign is rounded generously at first and sharpened from solve
+to solve.
 """
 
 from __future__ import annotations
@@ -49,8 +50,9 @@ def telling_places(problem: Problem) -> frozenset[int]:
     """Places whose balances together tell every unseen state, whatever the free parameters are; none where some stay untold.
 
     They are balances of what is seen, and a guess must not matter there but for the size of what is unseen: dF/dp = 0 for every free p
-    where the unseen states are zero. With the equations that hold exactly, these balances must determine all unseen states and algebraic variables: their pattern in them has
-    full structural rank (an unseen state counts where its rate does; a telling balance is solved for it along the whole trajectory).
+    where the unseen states are zero. With the equations that hold exactly they must determine all unseen states and algebraic variables:
+    the pattern of these has full structural rank (an unseen state counts where its rate does; a telling balance is solved for it along
+    the whole trajectory).
     """
     dae = problem.dae
     names = set(unseen_states(problem))
@@ -60,8 +62,9 @@ def telling_places(problem: Problem) -> frozenset[int]:
     hidden = ca.vertcat(*(s[i] for s in (dae.x, dae.dx) for i in unseen))
     guesses = ca.vertcat(*(dae.p[i] for i in problem.free))
     bent = ca.substitute(ca.jacobian(dae.residual, guesses), hidden, ca.SX.zeros(hidden.shape[0]))
-    own, free_of_guesses = _moving_unseen(problem), [ca.simplify(ca.densify(bent[r, :])).is_zero() for r in range(bent.shape[0])]
-    certain = [r for r, e in enumerate(dae.equations) if e.place is None or (e.place not in own and free_of_guesses[r])]
+    own = _moving_unseen(problem)
+    sure = [ca.simplify(ca.densify(bent[r, :])).is_zero() for r in range(bent.shape[0])]
+    certain = [r for r, e in enumerate(dae.equations) if e.place is None or (e.place not in own and sure[r])]
     pattern = np.zeros((len(certain), len(unseen) + dae.z.shape[0]), dtype=bool)
     for row, r in enumerate(certain):
         for symbols in (dae.x, dae.dx):
