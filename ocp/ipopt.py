@@ -103,8 +103,6 @@ class Solver:
             "mu_init": 1e-4,
             "bound_push": 1e-8,
             "bound_frac": 1e-8,
-            # its trial steps go far uphill, to where a factorisation fills up and takes minutes
-            "watchdog_shortened_iter_trigger": 0,
             "mumps_pivot_order": 5 if self.nlp.constraint_count else 7,
         }
         options = {
