@@ -51,6 +51,7 @@ wheel: $(VENV)/.installed $(BARE)/.installed
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/bench.py
 	$(BIN)/python tests/benchmarks/compile.py
+	$(BIN)/python tests/benchmarks/tracking.py
 
 lock: $(BUILD)/lock/.installed
 	$(BUILD)/lock/bin/uv pip compile --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --all-extras \

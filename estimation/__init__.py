@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from .study.study import Study
     from .tracking.estimate import Estimate, Sample
     from .tracking.estimator import Estimator
+    from .tracking.phases import LawPhase, PhaseEstimate, PhaseEstimator, follow_phases
     from .tracking.track import Tracking, track
+    from .weighing.weigh import Weighing, weigh
 
 _HOME = {
     "classical.armax": ("Armax", "Orders", "armax", "select_orders"),
@@ -52,7 +54,9 @@ _HOME = {
     "study.study": ("Study",),
     "tracking.estimate": ("Estimate", "Sample"),
     "tracking.estimator": ("Estimator",),
+    "tracking.phases": ("LawPhase", "PhaseEstimate", "PhaseEstimator", "follow_phases"),
     "tracking.track": ("Tracking", "track"),
+    "weighing.weigh": ("Weighing", "weigh"),
 }
 
 __all__ = [
@@ -64,11 +68,14 @@ __all__ = [
     "Free",
     "InputColumn",
     "Known",
+    "LawPhase",
     "Modes",
     "Orders",
     "OutputColumn",
     "OutputFit",
     "ParameterEstimate",
+    "PhaseEstimate",
+    "PhaseEstimator",
     "Problem",
     "Profile",
     "Recording",
@@ -80,10 +87,12 @@ __all__ = [
     "Study",
     "Tracked",
     "Tracking",
+    "Weighing",
     "Weights",
     "armax",
     "compare",
     "filtered_least_squares",
+    "follow_phases",
     "harmonic",
     "multiple_models",
     "prediction_error",
@@ -95,6 +104,7 @@ __all__ = [
     "state_variable_filter",
     "track",
     "two_stage",
+    "weigh",
     "zoh_prediction_error",
 ]
 

@@ -24,6 +24,7 @@ class Free:
     """A parameter to be estimated [the parameter's unit]: first guess, bounds, and the standard deviation of what is known beforehand.
 
     drift: it walks at random, by drift * sqrt(T) in a time T [unit/sqrt(s)]; guess and std are about where it starts, in each recording.
+    After a gap in a recording it begins anew, and of where it begins nothing is known.
     per_recording: a constant, but every recording has its own; guess, std and bounds are those of each.
     """
 

@@ -23,7 +23,7 @@ from backsight.models.augmentation.parameters import case_name
 from backsight.models.quadratures import Ignorable, ignorable, without_ignorable
 
 if TYPE_CHECKING:
-    from backsight.ocp import Transcription
+    from backsight.ocp import Horizon, Transcription
 
     from .problem import Free, Problem
     from .recordings.recording import Recording
@@ -128,13 +128,25 @@ def posed(problem: Problem, simple: Problem) -> Problem:
 
 
 def input_spread(problem: Problem, transcription: Transcription) -> Array:
-    """Factors on the soft places' stds in a posed problem, (n_soft, N): an input that is off is so for as long as its value acts."""
+    """Factors on the soft places' stds in a posed problem, (n_soft, N): an input that is off is so for as long as its value acts, dt_k.
+
+    Its density std^2 dt_k has the mean (int dt_k dt)/h over an interval, to the std^2 dt that W stands for.
+    """
     out = np.ones((len(transcription.soft), transcription.offsets[-1]))
     rows = [i for i, k in enumerate(transcription.soft) if transcription.dae.places[k].name.startswith(INPUT)]
-    for number, recording in enumerate(problem.fitted):
-        part = slice(transcription.offsets[number], transcription.offsets[number + 1])
-        out[rows, part] = np.sqrt(recording.input_sampling / problem.fitted[0].input_sampling)
+    for number, horizon in enumerate(transcription.horizons):
+        part, knots = slice(transcription.offsets[number], transcription.offsets[number + 1]), horizon.mesh.knots
+        edges = np.union1d(spans(horizon), knots[-1])
+        integral = np.concatenate([[0.0], np.cumsum(np.diff(edges) ** 2)])
+        lasting = np.diff(np.interp(knots, edges, integral)) / horizon.mesh.steps
+        out[rows, part] = np.sqrt(lasting / problem.fitted[0].input_sampling)
     return out
+
+
+def spans(horizon: Horizon) -> Array:
+    """Ends of the spans in which the recorded inputs act [s], each until the next one; where they run straight, half of the way."""
+    time = horizon.changes
+    return time if horizon.hold == "zero" else np.concatenate([time[:1], (time[1:] + time[:-1]) / 2, time[-1:]])
 
 
 def own_parameters(problem: Problem) -> dict[str, list[str]]:

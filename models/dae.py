@@ -18,6 +18,10 @@ SX = Any  # casadi has no type stubs
 Function = Any
 
 
+_SYMBOLS = ("dx", "x", "z", "u", "p", "w", "t")
+_EXPRESSIONS = ("residual", "output", "invariants")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
     """A state, algebraic variable, input or output: its dotted name, SI unit and size."""
@@ -104,6 +108,20 @@ class Dae:
     kinematics: tuple[tuple[int, int, int], ...]
     index: int
     variables: Mapping[str, SX] = field(repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All expressions as one function: alone, each would travel to another process with symbols of its own."""
+        state = {key: value for key, value in self.__dict__.items() if key not in (*_SYMBOLS, *_EXPRESSIONS, "variables")}
+        expressions = [*(getattr(self, key) for key in _EXPRESSIONS), *self.variables.values()]
+        function = ca.Function("dae", [getattr(self, key) for key in _SYMBOLS], expressions)
+        return state | {"function": function, "variables": tuple(self.variables), "merged_places": dict(self.merged_places)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        function, names = state.pop("function"), state.pop("variables")
+        symbols = function.sx_in()
+        found = function.call(symbols, True, False)
+        state |= dict(zip(_SYMBOLS, symbols, strict=True)) | dict(zip(_EXPRESSIONS, found, strict=False))
+        self.__dict__.update(state, variables=dict(zip(names, found[len(_EXPRESSIONS) :], strict=True)))
 
     def __repr__(self) -> str:
         names = ", ".join(q.name for q in self.states)

@@ -85,6 +85,10 @@ class Solver:
     nlp: Nlp
     options: Options = Options()
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The program and the options; Ipopt is set up anew where it arrives."""
+        return {"nlp": self.nlp, "options": self.options}
+
     def _make(self, hessian: Any, max_iterations: int) -> Any:
         a = self.nlp.assembled
         program = ca.Function("program", [a.x, a.p], [a.f(a.x, a.p), a.g(a.x, a.p)], ["x", "p"], ["f", "g"])
@@ -222,6 +226,11 @@ class Solver:
         evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
         parts = [evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if not term.equality]
         return evaluated.upper(evaluated.squares(parts)), self.jacobian(decisions, values)
+
+    def exact_hessian(self, solved: Solved, values: Values) -> sp.csc_matrix:
+        """Upper triangle of the Hessian of the Lagrangian at what a solve gave, in the program's units."""
+        answer = self.nlp.assembled.hess(values.scaled(solved.decisions), values.packed(), 1.0, solved.multipliers)
+        return sp.csc_matrix(answer.sparse())
 
     def weights(self, decisions: Array, values: Values) -> Array:
         """Diagonal of the Gauss-Newton Hessian, (n + np,)."""

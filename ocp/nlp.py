@@ -19,8 +19,9 @@ The Hessian is  sum J'J + sum r . d2r + sum lambda . d2g;  Gauss-Newton's is the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,10 @@ class Nlp:
     terms: tuple[Term, ...]
     parameter_count: int
     free: tuple[int, ...]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What it was made of; functions and tables are made anew where it arrives."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def trajectory_size(self) -> int:

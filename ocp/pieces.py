@@ -73,6 +73,22 @@ class Pieces:
         """The parameters at which a solve starts: the program's own, before the free ones are put in."""
         return ca.SX.sym("p_ref", self.dae.p.shape[0])
 
+    @property
+    def sees_forces(self) -> bool:
+        """Whether an output looks at x', z or a residual force."""
+        return bool(ca.jacobian_sparsity(self.dae.output, ca.vertcat(self.dae.dx, self.dae.z, self.dae.w)).nnz())
+
+    @cached_property
+    def direct(self) -> tuple[Any, Any]:
+        """E (ny, nu) and D (ny, n_soft): what the input and the soft places' residual forces do to the outputs at once."""
+        dae, soft = self.dae, list(self.soft)
+        unknown = ca.vertcat(dae.dx, dae.z)
+        right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, soft])
+        both: Any = -ca.jacobian(dae.output, unknown) @ ca.solve(ca.jacobian(dae.residual, unknown), right)
+        both[:, dae.u.shape[0] :] += ca.jacobian(dae.output, dae.w)[:, soft]
+        E, D = ca.horzsplit(ca.sparsify(ca.simplify(dae.undisturbed(both))), [0, dae.u.shape[0], both.shape[1]])
+        return E, D
+
     def outputs_at_samples(self, degree: int) -> AtOnce:
         """The outputs as the sensors read them.
 
@@ -85,16 +101,10 @@ class Pieces:
         sampling interval, which is what such a sensor averages over. So a reading and the motion share their force on a mesh with knots at
         the samples; on a finer one the force of the first part stands for the whole, and the reading tells less.
         """
-        dae, unknown = self.dae, ca.vertcat(self.dae.dx, self.dae.z)
-        at_once = ca.jacobian(dae.output, unknown)
-        du, nothing = ca.SX.sym("du", dae.u.shape[0]), ca.SX(0, 1)
-        if not (at_once.nnz() or ca.jacobian(dae.output, dae.w).nnz()):
+        dae, nothing = self.dae, ca.SX(0, 1)
+        if not self.sees_forces:
             return AtOnce(output=dae.output, rest=nothing, coefficients=nothing, moments=nothing, force=nothing)
-        soft = list(self.soft)
-        right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, soft])
-        both: Any = -at_once @ ca.solve(ca.jacobian(dae.residual, unknown), right)
-        both[:, dae.u.shape[0] :] += ca.jacobian(dae.output, dae.w)[:, soft]
-        E, D = ca.horzsplit(ca.sparsify(ca.simplify(dae.undisturbed(both))), [0, dae.u.shape[0], both.shape[1]])
+        du, (E, D) = ca.SX.sym("du", dae.u.shape[0]), self.direct
         places, output = sorted(set(D.sparsity().get_col())), dae.output + E @ du
         if not places:
             return AtOnce(output=output, rest=du if E.nnz() else nothing, coefficients=nothing, moments=nothing, force=nothing)

@@ -57,7 +57,7 @@ class Solution:
         """Covariances from the Gauss-Newton KKT matrix; None where it is not that of a minimum."""
         hessian, jacobian, softness = self.solver.kkt(self.solved.decisions, self.values)
         try:
-            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, self._known)
+            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, self.held)
         except np.linalg.LinAlgError:
             return None
         return found if found.definite else None
@@ -101,9 +101,15 @@ class Solution:
 
     def leverage(self, number: int) -> Array:
         """Variance, given the data and the null directions, of a term's values m, not scaled; (K m, C)."""
-        J = self.jacobian_of_rows(number)
-        C = self.interval_covariance[self.transcription.nlp.terms[number].interval]
-        return np.asarray(np.einsum("rmi,rmi->mr", J @ C, J), dtype=np.float64)
+        if number not in self._leverages:  # every family of its rows asks for it
+            J = self.jacobian_of_rows(number)
+            C = self.interval_covariance[self.transcription.nlp.terms[number].interval]
+            self._leverages[number] = np.asarray(np.einsum("rmi,rmi->mr", J @ C, J), dtype=np.float64)
+        return self._leverages[number]
+
+    @cached_property
+    def _leverages(self) -> dict[int, Array]:
+        return {}
 
     def variance(self, number: int) -> Array:
         """Variance, given the data, of a term's values m, not scaled; inf where they do not determine it; (K m, C)."""
@@ -143,7 +149,7 @@ class Solution:
         )
 
     @property
-    def _known(self) -> NDArray[np.int64]:
+    def held(self) -> NDArray[np.int64]:
         """Decisions that cannot move: initial states with standard deviation zero, and what is held by a bound."""
         exact = np.array([h.initial_std == 0 for h in self.transcription.horizons])
         return np.union1d(self.transcription.starts[exact], np.array(self.solved.on_bound, dtype=np.int64)).astype(np.int64)

@@ -36,12 +36,29 @@ def test_the_plant_of_the_tutorial_compiles():
 
 
 @pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
-def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
+def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis():
     example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[2]
+    names: dict[str, object] = {}
+    exec(compile(example, "README.md", "exec"), names)
+    low, high = names["study"].components["V of x"].interval  # type: ignore[attr-defined]
+    assert low / 1.1 < 1e-6 < 1.1 * high
+
+
+@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
+    example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[3]
     exec(compile(example, "README.md", "exec"), {})
     friction, std, _, *words = capsys.readouterr().out.split()
     assert abs(float(friction) - 20.0) < 4 * float(std)
     assert words[0] == "estimated"
+
+
+@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+def test_the_bit_of_the_readme_is_followed(capsys):
+    examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    example = next(e for e in examples if "PhaseEstimator" in e)
+    exec(compile(example, "README.md", "exec"), {})
+    assert float(capsys.readouterr().out.split()[0]) > 97.0
 
 
 TUTORIAL = README.parent / "models" / "TUTORIAL.md"

@@ -56,6 +56,7 @@ State = Annotated[
     typer.Option("--state", metavar="FILE", help="With --stdin: go on from this file if it is there, and leave the state there."),
 ]
 RealTime = Annotated[bool, typer.Option("--real-time", help="One Gauss-Newton step for every sample (default: until it converges).")]
+Jit = Annotated[bool, typer.Option("--jit/--no-jit", help="Compile the model with the C compiler, once, where there is one.")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Say on standard error what is being done, a line for every stage.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print result.json on standard output, and nothing else.")]
@@ -154,6 +155,7 @@ def track(
     stdin: Stdin = False,
     state: State = None,
     real_time: RealTime = False,
+    jit: Jit = True,
     out: Out = None,
     jobs: Jobs = 1,
     scheduler: Scheduler = None,
@@ -167,10 +169,26 @@ def track(
     options = Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json)
     iterations = 1 if real_time else MOST_ITERATIONS
     if stdin:
-        return run_stream(study, options, state, iterations)
+        return run_stream(study, options, state, iterations, jit=jit)
     if state is not None:
         raise typer.BadParameter("--state goes with --stdin, the rows of which it goes on with")
-    return run_track(study, options, iterations)
+    return run_track(study, options, iterations, jit=jit)
+
+
+@app.command()
+def weigh(
+    study: StudyArgument,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Study the weighting matrices: which W and V the data want, and what hangs on them."""
+    from .commands import Options, run_weigh
+
+    return run_weigh(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
 
 
 def _report(error: Exception) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -13,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..study.study import Study
 from ..workers import check_jobs
-from .interrupt import check
+from .interrupt import check, kept
 from .output import json_text, results_folder, write_estimates, write_result
-from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking
-from .terminal import console, parameter_table, simulation_table, tracking_table
+from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking, result_of_weighing
+from .terminal import console, parameter_table, simulation_table, tracking_table, weight_table
 
 if TYPE_CHECKING:
     from ..results import Smoothing
@@ -69,7 +70,7 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
     return DONE
 
 
-def run_stream(path: Path, options: Options, state: Path | None, iterations: int) -> int:
+def run_stream(path: Path, options: Options, state: Path | None, iterations: int, *, jit: bool = True) -> int:
     """Track rows that come in on standard input."""
     from .stream import stream, write_stream_result
 
@@ -78,13 +79,13 @@ def run_stream(path: Path, options: Options, state: Path | None, iterations: int
     warn = None if options.quiet else sys.stderr
     with _progress(options) as say, results_folder(options.out) if options.out else nullcontext() as folder:
         say("reading the study")
-        estimator = stream(study, state=state, iterations=iterations, as_json=options.json, say=say, warn=warn)
+        estimator = stream(study, state=state, iterations=iterations, jit=jit, as_json=options.json, say=say, warn=warn)
         if folder is not None:
             write_stream_result(estimator, folder, began)
     return DONE
 
 
-def run_track(path: Path, options: Options, iterations: int) -> int:
+def run_track(path: Path, options: Options, iterations: int, *, jit: bool = True) -> int:
     """Track a study's recordings with a moving horizon."""
     from ..report import write_tracking_report
     from ..tracking import track
@@ -97,7 +98,7 @@ def run_track(path: Path, options: Options, iterations: int) -> int:
         samples = study.horizon()
         problem = study.problem()
         shortest = min(len(r.time) for r in problem.fitted)
-        answer = track(problem, samples=samples or min(SAMPLES, shortest), iterations=iterations, progress=say)
+        answer = track(problem, samples=samples or min(SAMPLES, shortest), iterations=iterations, jit=jit, progress=say)
         say("writing the report")
         result = result_of_tracking(answer)
         write_result(result, folder / "result.json")
@@ -105,6 +106,28 @@ def run_track(path: Path, options: Options, iterations: int) -> int:
         write_tracking_report(answer, folder / "report.html", recordings=problem.recordings)
     _say(options, result, lambda: tracking_table(answer), out)
     return DONE
+
+
+def run_weigh(path: Path, options: Options) -> int:
+    """Study the weights of a study. Finished settings stay in a hidden folder beside the results until these are written."""
+    from ..report import write_weighing_report
+    from ..weighing import weigh
+
+    check_jobs(options.jobs)
+    study, out = Study.read(path), options.out or _named_after(path, "_weighed")
+    keep = out.with_name(f".{out.name}.settings")
+    with results_folder(out) as folder, _progress(options) as say:
+        say("reading the study")
+        kept(keep)
+        found = weigh(study.problem(), jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
+        say("writing the report")
+        result = result_of_weighing(found)
+        write_result(result, folder / "result.json")
+        write_estimates(found.recommended.estimates, folder / "estimates.csv")
+        write_weighing_report(found, folder / "report.html")
+    shutil.rmtree(keep, ignore_errors=True)
+    _say(options, result, lambda: weight_table(found), out)
+    return DONE if found.recommended.solver.converged else NO_CONVERGENCE
 
 
 def print_models(name: str | None, *, json: bool) -> int:

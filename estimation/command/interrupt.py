@@ -16,6 +16,7 @@ from types import FrameType
 
 _asked, _held = threading.Event(), threading.Event()
 _results: list[Path] = []
+_kept: list[Path] = []
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -23,6 +24,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def remembered() -> Iterator[None]:
     """Within the block an interrupt is raised as KeyboardInterrupt, and remembered for `check`."""
     _results.clear()
+    _kept.clear()
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -63,6 +65,13 @@ def written(out: Path) -> None:
     _results.append(out)
 
 
+def kept(folder: Path) -> None:
+    """Remember where finished parts are kept, from which the same command goes on."""
+    _kept.append(folder)
+
+
 def said() -> str:
     """What an interrupted command left behind."""
+    if not _results and _kept and _kept[-1].is_dir():
+        return f"interrupted: what is finished is kept in {_kept[-1]}; the same command goes on from there"
     return f"interrupted: the results are in {_results[-1]}" if _results else "interrupted: nothing was written"

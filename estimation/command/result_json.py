@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ..results import OutputFit, Prediction, Profile, ResidualSummary, Smoothing
     from ..simulation import Simulation
     from ..tracking import Tracking
+    from ..weighing import Outcome, Weighing
 
 
 def result_of_smoothing(answer: Smoothing, *, command: str) -> dict[str, Any]:
@@ -59,6 +60,42 @@ def result_of_tracking(answer: Tracking) -> dict[str, Any]:
         "notes": list(answer.notes),
         "version": version("backsight"),
         "seed": None,
+    }
+
+
+def result_of_weighing(found: Weighing) -> dict[str, Any]:
+    """The content of result.json for `weigh`: that of smoothing with the recommended weights, the table of settings, and the reasons."""
+    chosen = next(o for o in found.outcomes if o.setting.name == found.chosen)
+    weights = _weights(found.recommended.weights)
+    for label, component in found.components.items():
+        kind, name = label.split(" of ", 1)
+        if name in weights.get(kind, {}):
+            low, high = component.interval
+            weights[kind][name] |= {"from_data": component.std, "interval": [low, high], "p_zero": component.p_zero}
+    return result_of_smoothing(found.recommended, command="weigh") | {
+        "study": [_setting(o) for o in found.outcomes],
+        "recommended": {**weights, "setting": chosen.setting.name, "why": found.why},
+        "influence": {label: dict(moves) for label, moves in found.moves.items()},
+        "notes": list(found.notes),
+    }
+
+
+def _setting(o: Outcome) -> dict[str, Any]:
+    return {
+        "name": o.setting.name,
+        "group": o.setting.group,
+        "factor": o.setting.factor,
+        "weights": dict(o.weights),
+        "converged": o.converged,
+        "status": o.status,
+        "iterations": o.iterations,
+        "seconds": o.seconds,
+        "fit": {name: {"rms": rms, "balance": balance} for name, (rms, balance) in o.misfit.items()},
+        "residuals": {name: {"rms": rms, "balance": balance} for name, (rms, balance) in o.force.items()},
+        "parameters": {name: {"value": value, "std": std} for name, (value, std) in o.parameters.items()},
+        "log_evidence": o.log_likelihood,
+        "held_out": o.held_out,
+        "condition": o.condition,
     }
 
 

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 
 def stream(
-    study: Study, *, state: Path | None, iterations: int, as_json: bool, say: Callable[[str], None], warn: TextIO | None
+    study: Study, *, state: Path | None, iterations: int, jit: bool, as_json: bool, say: Callable[[str], None], warn: TextIO | None
 ) -> Estimator:
     """Track the rows of standard input to its end and return the estimator; warn: where unreadable cells are told.
 
     state: a file that the estimator resumes from, if it is there, and that its state is written to at the end and when it is interrupted.
     """
-    estimator, every = _estimator(study, state, iterations, say), study.streamed.every
+    estimator, every = _estimator(study, state, iterations, jit, say), study.streamed.every
     lines = iter(sys.stdin)
     header = next(lines, "")
     if not header.strip():
@@ -58,7 +58,7 @@ def stream(
     return estimator
 
 
-def _estimator(study: Study, state: Path | None, iterations: int, say: Callable[[str], None]) -> Estimator:
+def _estimator(study: Study, state: Path | None, iterations: int, jit: bool, say: Callable[[str], None]) -> Estimator:
     from ..problem import Free
     from ..tracking import Estimator, resumed
     from ..tracking.estimator import SAMPLES
@@ -68,10 +68,10 @@ def _estimator(study: Study, state: Path | None, iterations: int, say: Callable[
     constants = {name: replace(p, per_recording=False) if isinstance(p, Free) else p for name, p in problem.parameters.items()}
     problem = replace(problem, parameters=constants)
     if state is not None and state.exists():
-        return resumed(problem, state)
+        return resumed(problem, state, jit=jit)
     say("finding what the study leaves open")
     samples = study.horizon()
-    return Estimator(problem, samples=SAMPLES if samples is None else samples, iterations=iterations, progress=say)
+    return Estimator(problem, samples=SAMPLES if samples is None else samples, iterations=iterations, jit=jit, progress=say)
 
 
 @contextmanager

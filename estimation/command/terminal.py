@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ..results import OutputFit, Smoothing
     from ..simulation import Simulation
     from ..tracking import Tracking
+    from ..weighing import Weighing
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -56,6 +57,19 @@ def tracking_table(answer: Tracking) -> Table:
         for output, fit in outputs.items():
             table.add_row(escape(f"fit of {output}, {recording}"), f"rms {fit.rms:.3g} {answer.units.get(output, '')}")
     table.add_row("an estimate took", ", ".join(f"{name} {value:.3g} ms" for name, value in answer.latency_ms.items()))
+    return table
+
+
+def weight_table(found: Weighing) -> Table:
+    """Every weight from the data with its 95 % interval, the recommended one, and the chance of what is seen without it."""
+    table = Table(title=f"{found.recommended.model}: {escape(found.why)}", title_justify="left", box=None, pad_edge=False)
+    for heading in ("weight", "recommended std", "95 %", "p without"):
+        table.add_column(heading)
+    chosen = next(o for o in found.outcomes if o.setting.name == found.chosen)
+    for label, c in found.components.items():
+        low, high = c.interval
+        p = "" if c.p_zero is None else f"{c.p_zero:.2g}"
+        table.add_row(escape(label), f"{chosen.weights[label]:.4g} {c.unit}", f"{low:.3g} .. {high:.3g}", p)
     return table
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,11 +22,13 @@ class InputColumn:
     """A column of a file and the unit its numbers are in (None: the SI unit of the model's signal).
 
     delay: "estimate": the inputs act late by an unknown time, the free parameter `delay:inputs`, all by the same
+    limits: least and greatest value that the actuator can do, in the SI unit of the model's input; a command beyond acts as these
     """
 
     column: str
     unit: str | None = None
     delay: float | Literal["estimate"] = field(default=0.0, kw_only=True)
+    limits: tuple[float, float] | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,21 @@ class OutputColumn(InputColumn):
     unit: str | None = None
     delay: float | Literal["estimate"] = field(default=0.0, kw_only=True)
     loss: Loss = "square"
+
+
+def check_limits(limits: Mapping[str, tuple[float, float]], inputs: Iterable[str], label: str) -> None:
+    """Raise InputError for limits of what is no input, or of which the least is not below the greatest."""
+    known = list(inputs)
+    for name, (least, greatest) in limits.items():
+        if name not in known:
+            raise InputError(f"{label}: limits of {name}, which is no input; there are {', '.join(known) or 'none'}")
+        if not least < greatest:
+            raise InputError(f"{label}: limits of input {name} are {number(least)} and {number(greatest)}; the least comes first")
+
+
+def cut(values: Any, limits: tuple[float, float] | None) -> Any:
+    """Values cut off at the limits; NaN stays."""
+    return values if limits is None else np.clip(values, *limits)
 
 
 def late_inputs(inputs: Mapping[str, InputColumn], label: str) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 from backsight.models.errors import InputError
 
 from ..wording import number
-from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, late_inputs
+from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, check_limits, cut, late_inputs
 from .delay import sampled
 from .drive import Drive
 from .gaps import runs
@@ -39,6 +39,7 @@ class Recording:
     outputs      name of the model's output -> (n,), NaN where a sample is missing
     output_std   name of an output -> standard deviation of its noise, None: to be estimated
     output_loss  name of an output -> "square" (where none is given), "huber" or "auto", see `OutputColumn`
+    limits       name of an input -> least and greatest value that the actuator can do; commands beyond are cut off there
     open_delays  names of outputs that lag by an unknown time, or "inputs" if those act late: a free parameter `delay:<output>` or
                  `delay:inputs`, one for all recordings
     advanced     such a name -> seconds by which its samples were moved back already
@@ -58,6 +59,7 @@ class Recording:
     outputs: Mapping[str, Array]
     output_std: Mapping[str, float | None] = field(default_factory=dict)
     output_loss: Mapping[str, Loss] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     open_delays: tuple[str, ...] = ()
     advanced: Mapping[str, float] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
@@ -70,7 +72,10 @@ class Recording:
     def __post_init__(self) -> None:
         put = object.__setattr__
         put(self, "time", _column(self.time))
-        put(self, "inputs", {name: _column(values) for name, values in self.inputs.items()})
+        check_limits(self.limits, self.inputs, self.name)
+        put(self, "inputs", {name: _column(cut(values, self.limits.get(name))) for name, values in self.inputs.items()})
+        if self.drive is not None:
+            put(self, "drive", replace(self.drive, inputs={n: cut(u, self.limits.get(n)) for n, u in self.drive.inputs.items()}))
         put(self, "outputs", {name: _column(values) for name, values in self.outputs.items()})
         put(self, "output_std", {name: self.output_std.get(name) for name in self.outputs})
         put(self, "output_loss", {name: self.output_loss.get(name, "square") for name in self.outputs})
@@ -135,12 +140,14 @@ class Recording:
         t = _time(table, clock, label)
         rows = _kept_rows(t, range, every, label, clock.column)
         converted: dict[str, Array] = {}
+        limits = {k: c.limits for k, c in drives.items() if c.limits is not None}
+        check_limits(limits, drives, label)
         for signal, column in (*drives.items(), *sensors.items()):
             values = table.columns[column.column]
             if column.unit is not None:
                 where = f'{label}: column "{column.column}" of {signal}'
                 values = to_si(values, column.unit, (units or {}).get(signal), where=where)
-            converted[signal] = values
+            converted[signal] = cut(values, limits.get(signal))
         driven, sensed = {k: converted[k] for k in drives}, {k: converted[k] for k in sensors}
         known = {k: c.delay for k, c in sensors.items() if c.delay != "estimate" and c.delay != 0.0}
         for signal, delay in known.items():
@@ -158,6 +165,7 @@ class Recording:
             outputs=read,
             output_std=noise,
             output_loss=loss,
+            limits=limits,
             open_delays=(*late_inputs(drives, label), *(k for k, c in sensors.items() if c.delay == "estimate")),
             hold=between,
             open_hold=hold == "auto",

@@ -3,5 +3,6 @@
 from .page import write_report
 from .simulation import write_simulation_report
 from .tracking import write_tracking_report
+from .weighing import write_weighing_report
 
-__all__ = ["write_report", "write_simulation_report", "write_tracking_report"]
+__all__ = ["write_report", "write_simulation_report", "write_tracking_report", "write_weighing_report"]

@@ -14,7 +14,7 @@ import numpy as np
 from .decimation import packed, packed_time
 from .quantities import scaled
 
-__all__ = ["COLOURS", "Chart", "Curve", "Panel", "columns", "stack"]
+__all__ = ["COLOURS", "Chart", "Curve", "Panel", "columns", "heat_map", "stack"]
 
 COLOURS = {
     "measured": "#8f8f8f",
@@ -112,6 +112,31 @@ def columns(panels: Sequence[Panel], *, caption: str, label: str) -> Chart:
             named.add(curve.name)
     layout["hovermode"] = "closest"
     return Chart(data=data, layout=layout, height=height + _MARGIN["t"] + _MARGIN["b"], caption=caption, label=label)
+
+
+def heat_map(values: np.ndarray, columns: Sequence[str], rows: Sequence[str], *, caption: str, label: str, most: float) -> Chart:
+    """Values (rows, columns) as colours from -most, blue, by zero, pale, to most, red; NaN is left empty."""
+    height = 24 * len(rows) + 40
+    shown = np.clip(values, -most, most)
+    trace: Trace = {
+        "type": "heatmap",
+        "z": [[None if not np.isfinite(v) else round(float(v), 3) for v in row] for row in shown],
+        "x": [escape(c) for c in columns],
+        "y": [escape(r) for r in rows],
+        "zmin": -most,
+        "zmax": most,
+        "colorscale": [[0.0, "#2f7fc1"], [0.5, "#e9e6df"], [1.0, "#d2622a"]],
+        "xgap": 1,
+        "ygap": 1,
+        "hovertemplate": "%{y}, %{x}: %{z}<extra></extra>",
+        "colorbar": {"thickness": 12, "outlinewidth": 0},
+    }
+    layout = _layout(height)
+    layout["margin"] = {**_MARGIN, "l": 150, "b": 150}
+    layout["height"] = height + _MARGIN["t"] + 150
+    layout["xaxis"] = {"tickangle": -60, "showgrid": False, "type": "category", "tickfont": {"size": 10}}
+    layout["yaxis"] = {"autorange": "reversed", "showgrid": False, "type": "category"}
+    return Chart(data=[trace], layout=layout, height=layout["height"], caption=caption, label=label)
 
 
 _MARGIN = {"l": 74, "r": 14, "t": 34, "b": 48}

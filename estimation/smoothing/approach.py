@@ -6,9 +6,10 @@ So the residual forces get room for a share of the forces at their place, white 
     std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.32, 0.1, 0.03, 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
-velocity. Only a balance that tells what no output shows, whatever the guesses are (`unseen.py`), is as tight as it will be from the
-beginning: then the others are fitted to forces and motions that are nearly known, and not to those of a wrong guess.
-A parameter is held near its first guess by a prior twice as wide as that, so that none runs away while little is known.
+velocity. Where lags brought parameters along (`lag_fit.py`) the way begins at the share that these leave over. Only a balance that tells
+what no output shows, whatever the guesses are (`telling.py`), is as tight as it will be from the beginning: then the others are fitted to
+forces and motions that are nearly known, and not to those of a wrong guess. A parameter is held near its first guess by a prior twice as
+wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
 becomes the problem's own. Where a step strains, samples and balances costing far more than while there was room, it is taken back and a
 smaller one tried: a friction law three times as sharp has other valleys.
@@ -32,8 +33,9 @@ from backsight.ocp.polynomials import Array
 from ..problem import Free, Problem
 from .along import forces
 from .program import Program, Settings, make_program, renewed
-from .rest import ROUNDING, FrictionLaw, rms_velocity
-from .unseen import complete, telling_places, unseen_states
+from .rest import FrictionLaw, left_alone, rounded
+from .telling import telling_places
+from .unseen import complete, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
@@ -74,7 +76,8 @@ def approach(
     Widths of the laws that the user gave stay; those of the others end as they stand in `parameters`. least: place -> standard deviation
     that its residual force is given; it gets no less.
     """
-    hidden, telling = bool(unseen_states(problem)), telling_places(problem)
+    near, telling = _near(problem), telling_places(problem)
+    hidden = bool(unseen_states(problem))
     rng, found = np.random.default_rng(0), []
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
@@ -82,8 +85,8 @@ def approach(
             say(f"another start, {number + 1} of {STARTS} at most")
             for i in problem.free:
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
-        begun = complete(problem, followed, laws, start) if hidden and not telling else followed
-        found.append(_descent(problem, begun, laws, start, least, telling, say))
+        begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
+        found.append(_descent(near, begun, laws, start, share, least, telling, say))
         if found[-1].share <= TIGHTEST:
             break
     best = min(found, key=lambda way: (way.share, way.unlikely))
@@ -93,10 +96,11 @@ def approach(
 
 
 def _descent(
-    problem: Problem,
+    near: Problem,
     followed: Followed,
     laws: tuple[FrictionLaw, ...],
     parameters: Array,
+    share: float,
     least: Mapping[int, float],
     telling: Collection[int],
     say: Callable[[str], None],
@@ -106,26 +110,26 @@ def _descent(
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
     count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
-    near = _near(problem)
-    best, way, program, size, share, factor = np.inf, None, None, dict[int, float](), 1.0, FACTOR
+    best, way, program, size, factor = np.inf, None, None, dict[int, float](), FACTOR
+    share = float(np.clip(share, TIGHTEST, 1.0))
     while True:
-        rounded = _rounded(problem, followed, laws, parameters, share)
-        now = forces(problem, followed, rounded)
+        parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
+        now = forces(near, followed, parameters)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         shares = {k: TIGHTEST if k in telling else share for k in size}
         std = {k: max(shares[k] * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
         if program is None:
             settings = Settings(options=OPTIONS, method="spline")
-            program = make_program(near, settings, horizons, followed, laws, std, rounded, rounded)
+            program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)
             followed = _followed(_held(program).solve(program.start, program.values, False, _silent), followed)
         cost = np.inf
         for _ in range(BATCHES if share <= TIGHT else 1):
-            program = renewed(program, near, followed, laws, std, rounded, rounded)
+            program = renewed(program, near, followed, laws, std, parameters, parameters)
             solution = program.solve(program.start, program.values, False, _silent)
             if not np.all(np.isfinite(solution.solved.decisions)):
                 cost = np.inf
                 break
-            followed, rounded = _followed(solution, followed), solution.parameters
+            followed, parameters = _followed(solution, followed), solution.parameters
             before, cost = cost, solution.solved.cost
             if solution.solved.status.converged or cost > (1.0 - PAID) * before:
                 break
@@ -133,29 +137,20 @@ def _descent(
         best = min(best, cost)
         if way is None or 2 * (cost - best) <= STRAINED * count:
             unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
-            way = Approach(followed=followed, parameters=rounded, force_std=std, share=share, unlikely=unlikely)
+            way = Approach(followed=followed, parameters=parameters, force_std=std, share=share, unlikely=unlikely)
             if share <= TIGHTEST:
                 return way
         else:
             factor = float(np.sqrt(factor))
             if factor < LEAST_FACTOR:
                 return way
-        followed, parameters = way.followed, way.parameters.copy()
+        followed, parameters = way.followed, way.parameters
         share = max(way.share / factor, TIGHTEST)
 
 
 def _followed(solution: Solution, before: Followed) -> Followed:
     t = solution.transcription
     return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, mean_square=before.mean_square)
-
-
-def _rounded(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], parameters: Array, share: float) -> Array:
-    """The parameters with every law that the user left alone rounded over a share of its velocity."""
-    out = parameters.copy()
-    for law in laws:
-        if problem.dae.parameters[law.width].name not in problem.parameters:
-            out[law.width] = max(share, ROUNDING) * (rms_velocity(problem, law, followed, parameters) or 1.0)
-    return out
 
 
 def _silent(_: str) -> None:

@@ -12,7 +12,7 @@ from backsight.ocp.polynomials import legendre
 from ..problem import Problem
 from ..recordings.drive import drive_of
 from ..recordings.recording import Recording
-from ..supposed import left_out, noisy_inputs
+from ..supposed import left_out, noisy_inputs, spans
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -87,17 +87,16 @@ def _acting(problem: Problem, solution: Solution, number: int, name: str) -> tup
     place = [p.name for p in t.dae.places].index(f"input:{name}")
     if place not in t.soft:
         return recorded[rows], np.full(len(rows), std)
-    mesh, time = t.horizons[number].mesh, t.horizons[number].changes
-    between = (time[1:] + time[:-1]) / 2
-    ends = time if piece.hold == "zero" else np.concatenate([time[:1], between, time[-1:]])
-    ends = np.maximum(ends, mesh.knots[0])  # what acts before the first row is not felt
+    mesh, whole = t.horizons[number].mesh, spans(t.horizons[number])
+    ends = np.maximum(whole, mesh.knots[0])  # what acts before the first row is not felt
     edges = np.union1d(ends, mesh.knots[(mesh.knots > ends[0]) & (mesh.knots < ends[-1])])
     middle = (edges[1:] + edges[:-1]) / 2
     owner, (interval, tau) = np.searchsorted(ends, middle) - 1, mesh.locate(middle)
-    share = np.diff(edges) / np.diff(ends)[owner]
     i = t.soft.index(place)
     value, variance = (part[:, i] for part in solution.forces.at(interval + t.offsets[number], tau))
     density = t.force_std_at(solution.values)[i, interval + t.offsets[number]] ** 2
+    # a value that lasts longer than others in its interval has as much more of what the interval is off
+    share = np.diff(edges) / np.diff(ends)[owner] * std**2 * np.diff(whole)[owner] / density
     supposed = density * np.sum(legendre(t.degree, tau) ** 2, axis=0) / mesh.steps[interval]
 
     def of_each(parts: Array) -> Array:

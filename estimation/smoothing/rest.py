@@ -19,6 +19,7 @@ from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
+from ..supposed import PARAMETER
 from .along import along
 
 Room = NDArray[np.bool_]
@@ -53,7 +54,8 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
     numbers = ca.DM(problem.values)
     for index, parameter in enumerate(dae.parameters):
         component = parameter.name.rsplit(".", 1)[0]
-        presliding = any(q.name.startswith(f"{component}.") for q in dae.states)  # a law with a state of its own holds a body by itself
+        own = [q.name for q in dae.states if q.name.startswith(f"{component}.") and f"{PARAMETER}{q.name}" not in problem.weights.W]
+        presliding = bool(own)  # a law with a state of its own, not a parameter that drifts, holds a body by itself
         if not parameter.smoothing or parameter.unit not in VELOCITY_UNITS or presliding:
             continue
         velocity = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)
@@ -70,14 +72,24 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
 def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed) -> dict[int, float]:
     """Widths of the laws that the user left alone: a hundredth of the rms velocity there."""
     widths = {}
-    for law in laws:
-        info = problem.dae.parameters[law.width]
-        if info.name in problem.parameters:
-            continue
+    for law in left_alone(problem, laws):
         rms = rms_velocity(problem, law, followed, problem.values)
         if rms > 0:
-            widths[law.width] = max(ROUNDING * rms, info.minimum)
+            widths[law.width] = max(ROUNDING * rms, problem.dae.parameters[law.width].minimum)
     return widths
+
+
+def left_alone(problem: Problem, laws: tuple[FrictionLaw, ...]) -> tuple[FrictionLaw, ...]:
+    """The laws whose width the user did not give."""
+    return tuple(law for law in laws if problem.dae.parameters[law.width].name not in problem.parameters)
+
+
+def rounded(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, parameters: Array, share: float) -> Array:
+    """The parameters (np_all,) with the signs of laws rounded over a share of the rms of their velocities."""
+    out = parameters.copy()
+    for law in laws:
+        out[law.width] = share * (rms_velocity(problem, law, followed, parameters) or 1.0)
+    return out
 
 
 def rms_velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> float:

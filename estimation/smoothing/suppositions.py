@@ -25,6 +25,8 @@ def supposed_notes(problem: Problem) -> list[str]:
                 f"{name} drifts by {free.drift:.3g} {units[name]} in a second and sqrt(T) times that in T seconds, as given; its value is "
                 "the mean over time and its std the mean of the stds, which that of the mean does not exceed."
             )
+            if any(piece.part for piece in problem.fitted):
+                found.append(f"{name} begins anew after a gap: what was known of it before does not count there.")
     return found
 
 

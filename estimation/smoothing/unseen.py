@@ -1,37 +1,31 @@
 """A start for what no output shows: a load behind a shaft, a current, a second angle.
 
-Samples cannot be followed where there are none. Often the balances of what is seen tell it all the same: the torque of a shaft is what a
-seen inertia cannot explain, the twist that torque over a stiffness, and the speed of the load follows from the twist. Where every unseen
-state is told so (`telling_places`), these balances need no better start than that. Elsewhere the model says how the unseen states go
-with the seen ones, at the first guesses of the parameters: a smoothing problem with the parameters held and little room for residual
-forces. A friction law would hold an unseen body that starts at rest, so its sign is rounded generously at first and sharpened from solve
-to solve.
+Samples cannot be followed where there are none. There the model says how the unseen states go with the seen ones, at the first guesses
+of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
+body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve. Lags (`lags.py`) are simulated
+instead; where there is nothing else to complete, the parameters come with them (`lag_fit.py`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import structural_rank
 
 from backsight.ocp import Options, ParameterPrior, Solver, transcribe
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import driven_outputs, linearise
-from backsight.ocp.passing import passing_through
 from backsight.ocp.polynomials import Array
 from backsight.ocp.scaling import scaled
 
 from ..problem import Problem
 from .along import forces
 from .initial_guess import start_decisions
-from .rest import FrictionLaw, rms_velocity
+from .lag_fit import fitted
+from .lags import Lags, lags_of, simulated
+from .rest import FrictionLaw, left_alone, rounded
 
 ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of their velocities, from solve to solve
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
-NEWTON_STEPS = 20
 LOOKED_AT = 20  # places of a recording where the model is linearised
 OPTIONS = Options(tolerance=1e-3, gauss_newton_iterations=20, max_passes=1)  # of a start: what comes after moves it again
 
@@ -46,45 +40,27 @@ def unseen_states(problem: Problem) -> list[str]:
     return [q.name for i, q in enumerate(dae.states) if i not in seen]
 
 
-def telling_places(problem: Problem) -> frozenset[int]:
-    """Places whose balances together tell every unseen state, whatever the free parameters are; none where some stay untold.
+def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> tuple[Followed, Array, float]:
+    """The followed trajectories with the unseen states moved as the model moves them, at which parameters (np_all,), and how well.
 
-    They are balances of what is seen, and a guess must not matter there but for the size of what is unseen: dF/dp = 0 for every free p
-    where the unseen states are zero. With the equations that hold exactly they must determine all unseen states and algebraic variables:
-    the pattern of these has full structural rank (an unseen state counts where its rate does; a telling balance is solved for it along
-    the whole trajectory).
+    Lags bring parameters along with which they balance what is seen; then the share of its forces that a balance leaves over at most.
+    Else parameters are those given, and nobody knows: 1. Free parameters have a std about their guesses.
     """
-    dae = problem.dae
-    names = set(unseen_states(problem))
-    unseen = [i for i, q in enumerate(dae.states) if q.name in names]
-    if not unseen or not problem.free:
-        return frozenset()
-    hidden = ca.vertcat(*(s[i] for s in (dae.x, dae.dx) for i in unseen))
-    guesses = ca.vertcat(*(dae.p[i] for i in problem.free))
-    bent = ca.substitute(ca.jacobian(dae.residual, guesses), hidden, ca.SX.zeros(hidden.shape[0]))
-    own = _moving_unseen(problem)
-    sure = [ca.simplify(ca.densify(bent[r, :])).is_zero() for r in range(bent.shape[0])]
-    certain = [r for r, e in enumerate(dae.equations) if e.place is None or (e.place not in own and sure[r])]
-    pattern = np.zeros((len(certain), len(unseen) + dae.z.shape[0]), dtype=bool)
-    for row, r in enumerate(certain):
-        for symbols in (dae.x, dae.dx):
-            columns = set(ca.jacobian_sparsity(dae.residual[r], symbols).get_col())
-            pattern[row, : len(unseen)] |= np.isin(unseen, list(columns))
-        pattern[row, len(unseen) + np.array(ca.jacobian_sparsity(dae.residual[r], dae.z).get_col(), dtype=np.int64)] = True
-    if structural_rank(csr_matrix(pattern)) < pattern.shape[1]:
-        return frozenset()
-    return frozenset(int(place) for r in certain if (place := dae.equations[r].place) is not None)
+    unseen = set(unseen_states(problem))
+    rows = lags_of(problem.dae, unseen)
+    if len(rows) == len(unseen) and not problem.dae.algebraics and problem.free:
+        gently = rounded(problem, left_alone(problem, laws), followed, start, ROUNDED[-1])
+        parameters, share = fitted(problem, rows, followed, gently)
+        return simulated(Lags(problem.dae, rows), followed, parameters), parameters, share
+    return _completed(problem, simulated(Lags(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
 
 
-def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
-    """The followed trajectories with the unseen states moved as the model, at parameters start (np_all,), moves them."""
+def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
+    """A smoothing problem with the parameters held and little room for the residual forces of the unseen."""
     nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
-    followed = _settled(problem, followed, start)
-    own = _moving_unseen(problem)
-    for rounded in ROUNDED:
-        parameters = start.copy()
-        for law in laws:
-            parameters[law.width] = rounded * (rms_velocity(problem, law, followed, parameters) or 1.0)
+    own = moving_unseen(problem)
+    for share in ROUNDED:
+        parameters = rounded(problem, laws, followed, start, share)
         # what moves what is seen may be anything yet: only the unseen is to go as the model says
         loose = forces(problem, followed, parameters)
         room = np.sqrt(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
@@ -99,39 +75,7 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
     return followed
 
 
-def _settled(problem: Problem, followed: Followed, parameters: Array) -> Followed:
-    """Followed trajectories with every unseen state of first order where its own balance lets it rest at that instant.
-
-    A lag is then near its input, and not at zero, where a law may be singular (a thrust has no slope at rest).
-    """
-    dae, t = problem.dae, followed.transcription
-    unseen, alone = set(unseen_states(problem)), {}
-    moved = {i for i, _, _ in dae.kinematics} | {j for _, j, _ in dae.kinematics}
-    for row, equation in enumerate(dae.equations):
-        rates = set(ca.jacobian_sparsity(dae.residual[row], dae.dx).get_col())
-        if equation.place is not None and len(rates) == 1 and not rates & moved and dae.states[min(rates)].name in unseen:
-            alone[min(rates)] = row
-    if not alone:
-        return followed
-    x, F = ca.vertcat(*(dae.x[i] for i in alone)), dae.residual[list(alone.values())]
-    here = ca.substitute(F, ca.vertcat(dae.dx, dae.w), ca.SX.zeros(dae.dx.shape[0] + dae.w.shape[0]))
-    step = ca.Function("step", [dae.x, dae.z, dae.u, dae.p, dae.t], [x - ca.solve(ca.jacobian(here, x), here)])
-    first = np.array([dae.states[i].start or dae.states[i].nominal for i in alone])
-
-    def curve(number: int, times: Array) -> tuple[Array, Array]:
-        _, states, z = followed.at(number, times)
-        horizon, now = followed.horizons[number], np.repeat(first[:, None], len(times), axis=1)
-        for _ in range(NEWTON_STEPS):
-            states[list(alone)] = now
-            now = np.asarray(step.map(len(times))(states, z, horizon.input_at(times), parameters, horizon.clock + times[None, :]))
-        usable = np.isfinite(now).all(axis=0)
-        states[list(alone)] = np.where(usable, now, first[:, None])
-        return states, z
-
-    return replace(followed, decisions=np.concatenate([passing_through(t, curve), followed.decisions[t.nlp.trajectory_size :]]))
-
-
-def _moving_unseen(problem: Problem) -> set[int]:
+def moving_unseen(problem: Problem) -> set[int]:
     """Places whose balances accelerate unseen states only."""
     dae = problem.dae
     unseen = {i for i, q in enumerate(dae.states) if q.name in set(unseen_states(problem))}

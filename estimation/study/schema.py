@@ -58,11 +58,15 @@ DelayEntry = Annotated[
 
 
 class InputTable(Part):
-    """Where an input is recorded: `{ column = "u_kN", unit = "kN" }`; delay = "estimate": all inputs act late by a free parameter."""
+    """Where an input is recorded: `{ column = "u_kN", unit = "kN", limits = [-500, 500] }`; limits in SI, beyond which no command acts.
+
+    delay = "estimate": all inputs act late by a free parameter.
+    """
 
     column: str
     unit: str | None = None
     delay: Literal["estimate"] | None = None
+    limits: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
 
 
 class OutputTable(Part):

@@ -288,7 +288,10 @@ class Study:
 
 
 def _input(entry: InputTable | str) -> InputColumn:
-    return InputColumn(entry) if isinstance(entry, str) else InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0)
+    if isinstance(entry, str):
+        return InputColumn(entry)
+    limits = (entry.limits[0], entry.limits[1]) if entry.limits else None
+    return InputColumn(entry.column, entry.unit, delay=entry.delay or 0.0, limits=limits)
 
 
 def _output(entry: OutputTable | str) -> OutputColumn:

@@ -2,7 +2,21 @@
 
 from .estimate import Estimate, Outcome, Sample
 from .estimator import Estimator
+from .phases import LawPhase, PhaseEstimate, PhaseEstimator, follow_phases
 from .state import resumed, save
 from .track import Tracking, track
 
-__all__ = ["Estimate", "Estimator", "Outcome", "Sample", "Tracking", "resumed", "save", "track"]
+__all__ = [
+    "Estimate",
+    "Estimator",
+    "LawPhase",
+    "Outcome",
+    "PhaseEstimate",
+    "PhaseEstimator",
+    "Sample",
+    "Tracking",
+    "follow_phases",
+    "resumed",
+    "save",
+    "track",
+]

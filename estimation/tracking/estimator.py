@@ -27,6 +27,7 @@ from backsight.ocp.moving.trajectory import Known, Solve
 from backsight.ocp.moving.window import DOUBTED, Update, Window, root
 
 from ..problem import Free, Problem
+from ..recordings.columns import cut
 from ..supposed import PARAMETER
 from .driven import Driven
 from .estimate import Estimate, Outcome, Sample
@@ -34,6 +35,7 @@ from .latency import Latency
 from .layout import Found, Layout
 from .readings import Readings
 from .room import Room
+from .settled import settled
 from .tuning import Tuning, tuned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -56,6 +58,8 @@ class Estimator:
     problem: its fitted recordings tell the weights that it leaves open (`tuning.py`). samples: in the window. iterations: Gauss-Newton
     steps for a sample at most; 1 is the real-time iteration (M. Diehl, H. G. Bock & J. P. Schloeder, SIAM J. Control Optim. 43, 2005).
     update: how the arrival cost is carried on, "smoothing" or "filtering". degree: of the polynomials in a stage.
+    jit: compile the stages' equations with the C compiler, once (`ocp/moving/native.py`); without one, or where it fails, they are
+    evaluated by CasADi, to the same estimates, and `notes` says so.
     """
 
     def __init__(
@@ -67,12 +71,18 @@ class Estimator:
         update: Update = "smoothing",
         degree: int = 2,
         tuning: Tuning | None = None,
+        jit: bool = True,
         progress: Callable[[str], None] | None = None,
     ) -> None:
         if samples < 2 or iterations < 1:
             raise InputError(f"Estimator(samples={samples}, iterations={iterations}): needs 2 samples and 1 iteration at least.")
-        self.tuning = t = tuning or tuned(problem, progress or (lambda _: None))
+        say = progress or (lambda _: None)
+        self.tuning = t = tuning or tuned(problem, say)
+        if jit:
+            say("compiling the stages")
         self.problem, self.iterations = t.problem, iterations
+        # of the problem as asked: as posed they are states
+        self._drifting = {name: free for name, free in t.asked.varying.items() if free.drift is not None}
         dae, posed = self.problem.dae, self.problem
         soft = tuple(sorted(t.force_std))
         self._force_std = np.array([t.force_std[k] for k in soft])
@@ -86,8 +96,9 @@ class Estimator:
             [[t.sampling / t.stages, 0.0], np.ones(2 * len(self._inputs)), np.zeros(len(scales)), 1 / self._force_std, scales]
         )
         length = samples * t.stages
-        self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update)
-        self.room, self.readings = Room(stage, t.laws, self._force_std, length), Readings(stage)
+        self.window = Window(stage, length, self._begun(), typical, self._bounds(), t.corner, update, self._reach(), jit=jit)
+        self.notes = (f"The stages are evaluated without C code, more slowly: {self.window.slow}.",) if self.window.slow else ()
+        self.room, self.readings = Room(stage, t.laws, self._force_std, t.noise, length, jit=jit and not self.notes), Readings(stage)
         self._scales, self.driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
         self.newest: float | None = None
         # the clock's own start would cost digits; only a model that knows the time needs it
@@ -102,7 +113,7 @@ class Estimator:
 
     def hold(self, time: float, inputs: Mapping[str, float]) -> None:
         """The inputs changed at a time [s] between samples; those left out or NaN stay what they are."""
-        self.driven.put(time - self.origin, self._vector(inputs, self._inputs, "input"))
+        self.driven.put(time - self.origin, self._acting(inputs))
 
     def update(self, sample: Sample) -> Estimate:
         """The estimate at the sample's time, or, if that has passed, the newest one with what a late sample adds to it.
@@ -112,7 +123,7 @@ class Estimator:
         began = clock.perf_counter()
         if not np.isfinite(sample.time):
             raise InputError(f"update: time is {sample.time}; a sample has a finite time in seconds.")
-        inputs = self._vector(sample.inputs, self._inputs, "input")
+        inputs = self._acting(sample.inputs)
         read = self._vector(sample.outputs, self._outputs, "output")
         late = self.newest is not None and not self._anew and sample.time <= self.newest + SAME * self.tuning.sampling
         outcome, done, surprise = self._filled(sample.time, read) if late else self._moved(sample.time, inputs, read)
@@ -140,6 +151,8 @@ class Estimator:
             self.origin = 0.0 if self._timed else time
             self.driven.clear()
         self.driven.put(time - self.origin, inputs)
+        if first:
+            self._settle(time)
         if gap:
             self._restarted(time - (self.newest or time))
         elif not first:
@@ -152,7 +165,7 @@ class Estimator:
         surprise = self.window.surprise()
         self.window.doubt(surprise, GATE)
         done = self._solved()
-        if not done.converged and self.iterations > 1:
+        if not done.converged:
             return Outcome.FAILED, done, surprise
         if gap:
             return Outcome.RESTARTED, done, surprise
@@ -183,7 +196,7 @@ class Estimator:
         """A new start of the states after a gap [s], with what is known of them always and of the parameters by now."""
         posed = self.problem
         always = {name: known for name, known in posed.start.items() if known.always}
-        drifting = [i for i, name in enumerate(self._states) if name in posed.varying]
+        drifting = [i for i, name in enumerate(self._states) if name in self._drifting]
         Rd, x = self._known_states(always), self.window.here.x[:, -1].copy()
         if drifting:  # a walk goes on through a gap
             half, unknown = self.window.spread()
@@ -216,12 +229,15 @@ class Estimator:
         if not filled:
             return Outcome.LATE, unsolved, nothing
         done = self._solved()
-        return (Outcome.FILLED if done.converged or self.iterations == 1 else Outcome.FAILED), done, nothing
+        return (Outcome.FILLED if done.converged else Outcome.FAILED), done, nothing
 
     # ---- solving
 
     def _solved(self) -> Solve:
-        """Steps through the window. Where they do not converge what they reached is where the next ones start, if it is sound."""
+        """Steps through the window. Where they do not converge what they reached is where the next ones start, if it is sound.
+
+        An estimate that one more step would hardly move counts as converged, and so does the one of a real-time iteration.
+        """
         window, predicted = self.window, self.window.here
         self._predicted = predicted, window.ahead
         try:
@@ -235,7 +251,7 @@ class Estimator:
         if not sound:
             window.give_up(predicted)
             return replace(done, converged=False)
-        return replace(done, converged=done.converged or done.size <= USABLE)
+        return replace(done, converged=done.converged or done.size <= USABLE or self.iterations == 1)
 
     # ---- what goes out
 
@@ -274,6 +290,14 @@ class Estimator:
 
     # ---- the start
 
+    def _settle(self, time: float) -> None:
+        """Where the first steps start from for lags of which nothing is known."""
+        posed = self.problem
+        for name, value in settled(posed, self.driven.last, time - self.origin, self.window.length * self.tuning.sampling).items():
+            if name not in posed.start:
+                i = [q.name for q in posed.dae.states].index(name)
+                self.window.here.x[i, -1] = np.clip(value, self.window.bounds[0][i], self.window.bounds[1][i])
+
     def _begun(self) -> Known:
         """What is known before the first sample, of [x; p]."""
         posed, dae = self.problem, self.problem.dae
@@ -283,7 +307,7 @@ class Estimator:
         Rd[:nx, :nx] = self._known_states(posed.start)[:, :nx]
         for i, q in enumerate(dae.states):
             known = posed.start.get(q.name)
-            guess = posed.varying[q.name].guess if q.name in posed.varying else q.start
+            guess = self._drifting[q.name].guess if q.name in self._drifting else q.start
             reference[i] = guess if known is None else known.value
         for k, i in enumerate(free):
             info = dae.parameters[i]
@@ -301,16 +325,26 @@ class Estimator:
         for i, q in enumerate(states):
             if q.name in known:
                 Rd[i, i] = 1.0 / max(known[q.name].std, EXACT * q.nominal)
-            elif q.name in self.problem.varying:
-                free = self.problem.varying[q.name]
+            elif q.name in self._drifting:
+                free = self._drifting[q.name]
                 Rd[i, i] = 1.0 / (free.std or WIDE * (abs(free.guess) or q.nominal))
         return Rd
+
+    def _reach(self) -> Array:
+        """How far a step may go that no sample tells: a state as far as its usual size, a parameter as its prior lets it."""
+        return np.array([*(q.nominal for q in self.problem.dae.states), *(np.inf for _ in self.problem.free)])
 
     def _bounds(self) -> tuple[Array, Array]:
         posed = self.problem
         states = [posed.bounds.get(q.name, (-np.inf, np.inf)) for q in posed.dae.states]
         both = np.array([*states, *(posed.parameter_range(i) for i in posed.free)]).reshape(-1, 2)
         return both[:, 0].copy(), both[:, 1].copy()
+
+    def _acting(self, commands: Mapping[str, float]) -> Array:
+        """The inputs (nu,) as the actuators can do them."""
+        limits = self.problem.fitted[0].limits
+        u = self._vector(commands, self._inputs, "input")
+        return np.array([cut(value, limits.get(name)) for name, value in zip(self._inputs, u.tolist(), strict=True)])
 
     @staticmethod
     def _vector(given: Mapping[str, float], names: tuple[str, ...], what: str) -> Array:

@@ -84,7 +84,7 @@ def save(estimator: Estimator, path: str | Path) -> None:
         raise InputError(f"{path}: the state cannot be written ({error.strerror or error}); choose another file") from None
 
 
-def resumed(problem: Problem, path: str | Path) -> Estimator:
+def resumed(problem: Problem, path: str | Path, *, jit: bool = True) -> Estimator:
     """The estimator whose state is in a file; problem: the one that it was made for. Raises InputError where the two do not match."""
     path = Path(path)
     try:
@@ -120,6 +120,7 @@ def resumed(problem: Problem, path: str | Path) -> Estimator:
         update=facts["update"],
         degree=facts["degree"],
         tuning=tuning,
+        jit=jit,
     )
     if _layout(estimator) != facts["layout"]:
         raise InputError(f"{path}: this state is of another model or of other free parameters; remove it to start anew")

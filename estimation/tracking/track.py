@@ -62,18 +62,19 @@ def track(
     samples: int = SAMPLES,
     iterations: int = ITERATIONS,
     update: Update = "smoothing",
+    jit: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> Tracking:
     """Track the fitted recordings of a problem one after the other; what is known of the parameters goes along.
 
-    samples, iterations, update: see `Estimator`. Raises InputError for a problem that cannot be posed.
+    samples, iterations, update, jit: see `Estimator`. Raises InputError for a problem that cannot be posed.
     """
     say, began = progress or (lambda _: None), clock.perf_counter()
     shortest = min((r for r in problem.recordings if r.role == "fit"), key=lambda r: len(r.time))
     if samples > len(shortest.time):
         raise InputError(f"track(samples={samples}): longer than {shortest.name} with {len(shortest.time)} rows; shorten it.")
     say("finding what the study leaves open")
-    estimator = Estimator(problem, samples=samples, iterations=iterations, update=update, progress=say)
+    estimator = Estimator(problem, samples=samples, iterations=iterations, update=update, jit=jit, progress=say)
     build = clock.perf_counter() - began
     tables, fit = dict[str, pd.DataFrame](), dict[str, dict[str, OutputFit]]()
     for number, recording in enumerate(r for r in estimator.tuning.asked.split.recordings if r.role == "fit"):
@@ -173,7 +174,7 @@ def _units(estimator: Estimator) -> dict[str, str]:
 
 
 def _notes(estimator: Estimator) -> tuple[str, ...]:
-    said = list(estimator.tuning.notes)
+    said = [*estimator.tuning.notes, *estimator.notes]
     more = {
         Outcome.FAILED: "solves did not converge; the estimates there are predictions",
         Outcome.RESTARTED: "gaps, after which the states started anew",

@@ -1,7 +1,8 @@
 """What an estimator is set to before its first sample: the weights and widths that a study leaves open, and how fine its stages are.
 
-They are found as filters are tuned, off-line on a recording: by smoothing the first rows of the fitted ones. Only W, V, the widths of
-friction laws and the mesh come from there; parameters and states start from what the problem says of them and are found on-line.
+They are found as filters are tuned, off-line on a recording: by smoothing the first rows of the fitted ones; where W of all places and V
+of all outputs are given, trajectories through the samples tell the rest. Only W, V, the widths of friction laws and the mesh come from
+there; parameters and states start from what the problem says of them and are found on-line.
 """
 
 from __future__ import annotations
@@ -14,17 +15,22 @@ import casadi as ca
 import numpy as np
 
 from backsight.models.errors import InputError
-from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
+from backsight.ocp.horizon import Horizon
 from backsight.ocp.moving.prediction import Prediction
 from backsight.ocp.moving.stage import Stage
 
-from ..problem import Problem
+from ..problem import Problem, Weights
 from ..recordings.gaps import gap_limit
 from ..recordings.recording import Recording
-from ..smoothing.rest import FrictionLaw, friction_laws
+from ..recordings.split import rows_of
+from ..smoothing.horizons import output_stds
+from ..smoothing.lifted import lifted, measured_by
+from ..smoothing.meshing import follow_closely
+from ..smoothing.rest import FrictionLaw, friction_laws, smoothing_widths
 from ..smoothing.robust import CORNER
 from ..smoothing.smoother import smooth
+from ..smoothing.unseen import complete, unseen_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -32,6 +38,8 @@ ROWS = 5000  # of a recording, at most, that are smoothed
 GROSS = 4.0  # deviations from which on a sample is suspected of being wrong, unless its output has a loss of its own
 FINEST = 16  # stages between two samples, at most
 EXACT = 0.1  # of the noise: what the stages may be wrong by from sample to sample
+SUDDEN = 10.0  # times the usual change of an input from row to row: no noise of a control
+AT_JUMPS = 0.5  # of the noise, where an input jumps: for once it adds a quarter to a prediction's mean square error
 LOOKED_AT, FEW = 40, 0.9  # places of a recording where that is judged, and the share of them where it holds: not where bodies turn round
 
 
@@ -59,43 +67,92 @@ class Tuning:
 
 
 def tuned(problem: Problem, progress: Callable[[str], None]) -> Tuning:
-    """The settings for a problem. Raises InputError where the leading rows cannot be smoothed."""
+    """The settings for a problem. Raises InputError where the leading rows cannot be smoothed and are needed for what it leaves open."""
     fitted = [r for r in problem.recordings if r.role == "fit"]
-    answer = smooth(replace(problem, recordings=[_robust(_leading(r, ROWS // len(fitted))) for r in fitted]), progress=progress)
+    leading = replace(problem, recordings=[_robust(_leading(r, ROWS // len(fitted))) for r in fitted])
+    return _settled(problem, _along(leading) if _told(problem) else _smoothed(leading, progress))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """Of the leading rows: all weights, places that have a residual force, parameters (np_all,) with widths, trajectories, and notes."""
+
+    weights: Weights
+    soft: set[str]
+    parameters: Array
+    followed: Followed
+    notes: tuple[str, ...] = ()
+
+
+def _told(problem: Problem) -> bool:
+    """Whether the problem has W of every place and the noise of every output."""
+    plain = problem.plain
+    places = {plain.dae.places[e.place].name for e in plain.dae.equations if e.place is not None}
+    noises = [problem.weights.noise(q, r.name) or r.output_std.get(q) for r in problem.recordings if r.role == "fit" for q in r.outputs]
+    return places <= set(problem.weights.W) and all(noises)
+
+
+def _along(problem: Problem) -> _Found:
+    """Without smoothing: trajectories through the samples, which the model completes at the guesses."""
+    plain, posed = problem.plain, problem.posed
+    followed, parameters, laws = follow_closely(plain, output_stds(plain)[0], None), plain.values, friction_laws(plain)
+    if unseen_states(plain):
+        followed, parameters, _ = complete(plain, followed, laws, parameters)
+    for index, width in smoothing_widths(plain, laws, followed).items():
+        parameters[index] = width
+    return _Found(
+        weights=problem.weights,
+        soft=set(posed.weights.W),
+        parameters=measured_by(posed, parameters, parameters),
+        followed=lifted(posed, plain, followed, parameters),
+    )
+
+
+def _smoothed(problem: Problem, progress: Callable[[str], None]) -> _Found:
+    """What smoothing finds."""
+    answer = smooth(problem, progress=progress)
     solution = answer.solution
     if solution is None or not answer.solver.converged:
         raise InputError(
-            f"{fitted[0].name}: its first rows cannot be smoothed ({answer.solver.status}), and the weights left open cannot be found; "
-            "give better guesses, or W of every place and V of every output."
+            f"{problem.recordings[0].name}: its first rows cannot be smoothed ({answer.solver.status}), and the weights left open cannot "
+            "be found; give better guesses, or W of every place and V of every output."
         )
     t = solution.transcription
-    widths = {
-        p.name: float(solution.parameters[i]) for i, p in enumerate(t.dae.parameters) if p.smoothing and p.name not in problem.parameters
-    }
-    known = {p.name for p in problem.dae.parameters}
-    widths = {name: value for name, value in widths.items() if name in known}
-    settled = replace(problem, weights=answer.weights, parameters={**problem.parameters, **widths})
-    posed, soft = settled.posed, {t.dae.places[k].name for k in t.soft}
+    return _Found(
+        weights=answer.weights,
+        soft={t.dae.places[k].name for k in t.soft},
+        parameters=solution.parameters,
+        followed=Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions),
+        notes=tuple(note for note in answer.notes if note.startswith(("W of", "V of"))),
+    )
+
+
+def _settled(problem: Problem, found: _Found) -> Tuning:
+    """The settings from what was found."""
+    infos = enumerate(problem.dae.parameters)
+    widths = {p.name: float(found.parameters[i]) for i, p in infos if p.smoothing and p.name not in problem.parameters}
+    settled = replace(problem, weights=found.weights, parameters={**problem.parameters, **widths})
+    posed, fitted = settled.posed, [r for r in problem.recordings if r.role == "fit"]
     noise, corner = np.full(len(posed.dae.outputs), np.inf), np.full(len(posed.dae.outputs), GROSS)
     for i, q in enumerate(posed.dae.outputs):
-        stds = [answer.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in fitted if q.name in r.outputs]
+        stds = [found.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in fitted if q.name in r.outputs]
         noise[i] = next((std for std in stds if std), np.inf)
         if any(r.output_loss.get(q.name) == "huber" for r in fitted):
             corner[i] = CORNER
-    found = of_weights(
+    tuning = of_weights(
         settled,
         widths=widths,
-        force_std={name: std for name, std in posed.weights.W.items() if name in soft},
+        force_std={name: std for name, std in posed.weights.W.items() if name in found.soft},
         noise=noise,
         corner=corner,
         stages=1,
         sampling=fitted[0].sampling,
         gap=gap_limit(fitted[0]),
-        notes=tuple(note for note in answer.notes if note.startswith(("W of", "V of"))),
+        notes=found.notes,
     )
     # a force that enters a reading at once is averaged over the stage that begins with it (`ocp/pieces.py`)
     at_once = ca.jacobian_sparsity(posed.dae.output, ca.vertcat(posed.dae.dx, posed.dae.z, posed.dae.w)).nnz() > 0
-    return found if at_once else replace(found, stages=_stages(found, solution))
+    return tuning if at_once else replace(tuning, stages=_stages(tuning, found))
 
 
 def of_weights(settled: Problem, *, force_std: Mapping[str, float], **facts: Any) -> Tuning:
@@ -106,44 +163,56 @@ def of_weights(settled: Problem, *, force_std: Mapping[str, float], **facts: Any
     return Tuning(asked=settled, problem=posed, force_std=numbered, laws=friction_laws(posed), **facts)
 
 
-def _stages(tuning: Tuning, solution: Solution) -> int:
+def _stages(tuning: Tuning, found: _Found) -> int:
     """Stages between two samples with which none of the outputs is wrong by more than EXACT of its noise from one to the next.
 
-    Judged where the smoothed trajectory of the first recording goes, against twice as many.
+    Judged where the trajectory of the first recording goes, against twice as many; where the inputs jump, AT_JUMPS is good enough.
+    There fast lags (a current, a valve) are far from rest, and nowhere else.
     """
-    dae, horizon, sampling = tuning.problem.dae, solution.transcription.horizons[0], tuning.sampling
-    stage = Stage(dae, (), solution.parameters, tuple(sorted(tuning.force_std)), 2)
+    dae, horizon, sampling = tuning.problem.dae, found.followed.horizons[0], tuning.sampling
+    stage = Stage(dae, (), found.parameters, tuple(sorted(tuning.force_std)), 2)
     predicted, h = Prediction(stage), ca.Function("h", [dae.x, dae.u, dae.p, dae.t], [dae.undisturbed(dae.output)])
-    times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
-    followed = Followed(transcription=solution.transcription, horizons=solution.transcription.horizons, decisions=solution.solved.decisions)
-    x, u = followed.at(0, times)[1], horizon.input_at(times)
-    nothing = np.zeros(stage.numbers - 2 - 2 * len(dae.inputs))
+    usual = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+    times = np.concatenate([usual, _jumps(horizon)])
+    x, u = found.followed.at(0, times)[1], horizon.input_at(times)
+    rest = np.ones(stage.numbers - 2 - 2 * len(dae.inputs))  # nothing of it says how the balances go on, but a scale of zero is none
 
     def ends(count: int) -> Array:
-        found = []
+        reached = []
         for state, held, time in zip(x.T, u.T, times, strict=True):
             now = state
             for k in range(count):
-                d = np.concatenate([[sampling / count, time + k * sampling / count], held, held, nothing])
-                now = predicted(now, np.empty(0), d)[0]
-            found.append(np.asarray(h(now, held, solution.parameters, time + sampling)).ravel())
-        return np.array(found)
+                d = np.concatenate([[sampling / count, time + k * sampling / count], held, held, rest])
+                now = predicted(now, np.empty(0), d, stage.at_rest)[0]
+            reached.append(np.asarray(h(now, held, found.parameters, time + sampling)).ravel())
+        return np.array(reached)
 
     count, coarse = 1, ends(1)
     while count < FINEST:
         fine = ends(2 * count)
-        if np.quantile(np.abs(fine - coarse) / tuning.noise, FEW, axis=0).max(initial=0.0) <= EXACT:
+        error = np.abs(fine - coarse) / tuning.noise
+        parts = (error[:LOOKED_AT], EXACT), (error[LOOKED_AT:], AT_JUMPS)
+        if all(np.quantile(e, FEW, axis=0).max(initial=0.0) <= bound for e, bound in parts if len(e)):
             break
         count, coarse = 2 * count, fine
     return count
+
+
+def _jumps(horizon: Horizon) -> Array:
+    """Times at which a held input jumps as it usually does not, at most LOOKED_AT of them."""
+    if horizon.hold != "zero":
+        return np.empty(0)
+    size = np.abs(np.diff(horizon.inputs, axis=0))
+    times = horizon.changes[1:][(size > SUDDEN * np.median(size, axis=0)).any(axis=1)]
+    times = times[(times > horizon.time[0]) & (times < horizon.time[-1])]
+    return np.asarray(times[:: len(times) // LOOKED_AT + 1])
 
 
 def _leading(recording: Recording, rows: int) -> Recording:
     """Its first rows."""
     if len(recording.time) <= rows:
         return recording
-    inputs = {name: u[:rows] for name, u in recording.inputs.items()}
-    return replace(recording, time=recording.time[:rows], inputs=inputs, outputs={name: y[:rows] for name, y in recording.outputs.items()})
+    return rows_of(recording, slice(0, rows))
 
 
 def _robust(recording: Recording) -> Recording:

@@ -69,6 +69,7 @@ class Switch:
     rounded   whether the law as written is a rounded one, and can stand in
     plain     its branches cannot be continued beyond a = 0 (a root of a negative number): the law stays as written
     width     name of the smoothing parameter, "" without
+    members   places among the graph's switches, with the sign of their function over this one's
     """
 
     function: SX
@@ -80,6 +81,7 @@ class Switch:
     rounded: bool = False
     plain: bool = False
     width: str = ""
+    members: tuple[tuple[int, int], ...] = ()
     declared: SX = None
 
 
@@ -136,7 +138,7 @@ class _Classified:
         left: set[str] = set()
         for group in self._merged():
             found = [self.graph.found[k] for k, _ in group]
-            switch = self._switch([(f, sign) for f, (_, sign) in zip(found, group, strict=True)], {k for k, _ in group})
+            switch = self._switch([(f, sign) for f, (_, sign) in zip(found, group, strict=True)], group)
             if switch is not None:
                 switches.append(switch)
                 kept.update(k for k, _ in group)
@@ -188,8 +190,9 @@ class _Classified:
                 groups.append([(k, 1)])
         return groups
 
-    def _switch(self, group: list[tuple[Found, int]], indices: set[int]) -> Switch | None:
+    def _switch(self, group: list[tuple[Found, int]], members: list[tuple[int, int]]) -> Switch | None:
         """The switch of a group; None where it has no effect, or is none in the limit of no rounding."""
+        indices = {k for k, _ in members}
         s = ca.SX.sym("s")
         parts = [(symbol, ca.substitute(_put(self.dae, psi, self.values), f.s, sign * s)) for f, sign in group for symbol, psi in f.parts]
         function = self._sharp(group[0][0].function)
@@ -207,7 +210,7 @@ class _Classified:
         if not general.any():
             return None
         acting = beside > _KINK * general.max()
-        span, bounds = _range(psi, rest, acting) if acting.any() else (above - below, None)
+        span, bounds, _ = law_range(psi, rest, acting) if acting.any() else (above - below, None, (0.0, 0.0))
         kind: Literal["kink", "jump", "hold"] = "jump" if acting.any() else "kink"
         rounded = all(f.width for f, _ in group)
         corner_law = any(corner.switch in indices for corner in self.graph.corners)
@@ -234,6 +237,7 @@ class _Classified:
             rounded=rounded,
             plain=kind == "kink" and self._ends_at_corner(function, symbols, below, above),
             width=group[0][0].width,
+            members=tuple(members),
         )
 
     def _strength(self, function: SX, symbols: list[SX], span: Array) -> tuple[Array, Array, Array]:
@@ -296,8 +300,11 @@ def _regular(matrix: Array) -> bool:
     return bool(spread[-1] > 1e-12 * spread[0])
 
 
-def _range(psi: Any, rest: Array, acting: NDArray[np.bool_]) -> tuple[Array, tuple[float, float, int] | None]:
-    """max psi - min psi, and the bounds of lambda with the sign of s at the upper one; no bounds where the acting parts differ in shape."""
+def law_range(psi: Any, rest: Array, acting: NDArray[np.bool_]) -> tuple[Array, tuple[float, float, int] | None, tuple[float, float]]:
+    """max psi - min psi, the bounds of lambda with the sign of s at the upper one, and the s of min psi and of max psi.
+
+    No bounds where the acting parts differ in shape.
+    """
     grid = np.concatenate([[-FAR], np.linspace(-_NEAR, _NEAR, 1601), [FAR]])
     table = np.where(acting, psi(grid[None, :]).full().T - rest, 0.0)
     lead = int(np.argmax(np.ptp(table, axis=0)))
@@ -306,9 +313,9 @@ def _range(psi: Any, rest: Array, acting: NDArray[np.bool_]) -> tuple[Array, tup
     size = float(span[lead])
     shape = table[:, lead, None] / (size or 1.0) * span
     if not np.all(np.isfinite(table)) or size == 0.0 or np.abs(table - shape).max() > 1e-9 * np.abs(table).max() or top * bottom > 0:
-        return span, None
+        return span, None, (bottom, top)
     low, high = ((float(psi(s)[lead]) - float(rest[lead])) / size for s in (bottom, top))
-    return span, (low, high, 1 if top > bottom else -1)
+    return span, (low, high, 1 if top > bottom else -1), (bottom, top)
 
 
 def _extreme(psi: Any, lead: int, grid: Array, column: Array, sign: float) -> float:

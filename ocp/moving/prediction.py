@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..polynomials import Array
@@ -13,19 +15,27 @@ PRECISE = 1e-9  # relative size of the last one
 
 
 class Prediction:
-    """(state at the start (nx,), p (np,), numbers of the stage (nd,)) -> state at the end, unknowns inside."""
+    """(state at the start (nx,), p (np,), numbers of the stage (nd,), unknowns inside at first) -> state at the end, unknowns inside.
 
-    def __init__(self, stage: Stage) -> None:
-        self._interpolation, self._balances = stage.interpolation, Called(stage.balances)
+    balances: the stage's, in another form.
+    """
 
-    def __call__(self, start: Array, p: Array, d: Array) -> tuple[Array, Array]:
+    def __init__(self, stage: Stage, balances: Any = None) -> None:
+        self._interpolation, self.balances = stage.interpolation, Called(stage.balances if balances is None else balances)
+
+    def __call__(self, start: Array, p: Array, d: Array, inner: Array) -> tuple[Array, Array]:
         ip = self._interpolation
-        own = slice(ip.states, ip.local)
-        y = np.concatenate([start, np.zeros(ip.interior), start, p])
+        y = self.solved(np.concatenate([start, inner, start, p]), p, d, np.zeros(ip.local - ip.states))
+        return y[ip.states + ip.interior : ip.local], y[ip.states : ip.states + ip.interior]
+
+    def solved(self, y: Array, p_ref: Array, d: Array, wanted: Array) -> Array:
+        """Unknowns (local + np,) from these, the state at the start and p as they are, with which the balances' moments are as wanted."""
+        ip = self._interpolation
+        own, y = slice(ip.states, ip.local), y.copy()
         for _ in range(STEPS):
-            e, J = self._balances(y, p, d)
+            e, J = self.balances(y, p_ref, d)
             try:
-                step = np.linalg.solve(J[:, own], -e[:, 0])
+                step = np.linalg.solve(J[:, own], wanted - e[:, 0])
             except np.linalg.LinAlgError:
                 break
             if not np.all(np.isfinite(step)):
@@ -33,4 +43,4 @@ class Prediction:
             y[own] += step
             if np.all(np.abs(step) <= PRECISE * (1.0 + np.abs(y[own]))):
                 break
-        return y[ip.states + ip.interior : ip.local], y[ip.states : ip.states + ip.interior]
+        return y

@@ -56,6 +56,15 @@ class Stage:
         return spline.interpolation(self.dae, self.degree, len(self.soft))
 
     @cached_property
+    def at_rest(self) -> Array:
+        """Unknowns inside (interior,) where algebraic variables have their start values all the time and all else is zero."""
+        ip, inner = self.interpolation, np.zeros(self.interpolation.interior)
+        for e in ip.entries:
+            if e.row >= 2 * ip.states and e.polynomial.degree() == 0:
+                inner[e.column - ip.states] = self.dae.algebraics[e.row - 2 * ip.states].start
+        return inner
+
+    @cached_property
     def numbers(self) -> int:
         """nd."""
         return int(2 + 2 * self.dae.u.shape[0] + 2 * self.dae.output.shape[0] + len(self.soft))
@@ -71,6 +80,11 @@ class Stage:
         dae = self.dae
         slow = ca.jacobian_sparsity(dae.output, ca.vertcat(dae.dx, dae.z, dae.w))
         return tuple(i for i in range(dae.output.shape[0]) if i not in slow.row())
+
+    @cached_property
+    def direct(self) -> Any:
+        """What residual forces do to the outputs at once, (ny, n_soft)."""
+        return self._pieces.direct[1] if self._pieces.sees_forces else ca.SX(self.dae.output.shape[0], len(self.soft))
 
     # ---- functions
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -41,15 +42,17 @@ class Trajectory:
     inner: Array
     p: Array
 
-    @property
+    @cached_property
     def stages(self) -> Array:
         """Unknowns of all stages, (local + np, k)."""
         return np.concatenate([self.x[:, :-1], self.inner, self.x[:, 1:], self.parameters])
 
-    @property
+    @cached_property
     def parameters(self) -> Array:
         """p for every stage, (np, k)."""
-        return np.broadcast_to(self.p[:, None], (len(self.p), self.inner.shape[1]))
+        out = np.empty((len(self.p), self.inner.shape[1]))
+        out[:] = self.p[:, None]
+        return out
 
     def moved(self, step: Trajectory, length: float) -> Trajectory:
         """Some way along a step."""

@@ -12,7 +12,7 @@ from backsight.models import Dae
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solver, transcribe
 from backsight.ocp.moving.elimination import back_substituted, best_determined, triangular
 from backsight.ocp.moving.stage import Stage
-from backsight.ocp.moving.trajectory import Known
+from backsight.ocp.moving.trajectory import Known, Trajectory
 from backsight.ocp.moving.window import SQUARES, Update, Window
 from backsight.ocp.scaling import scaled
 
@@ -33,7 +33,7 @@ def window(
 
 
 def run(
-    w: Window, time: np.ndarray, u: np.ndarray, y: np.ndarray, std: np.ndarray, tolerance: float = 1e-6
+    w: Window, time: np.ndarray, u: np.ndarray, y: np.ndarray, std: np.ndarray, tolerance: float = 1e-6, limit: int = 20
 ) -> tuple[np.ndarray, np.ndarray]:
     """Newest state and parameters after every sample, and their standard deviations."""
     mean, spread, forces = [], [], np.full(len(w.stage.soft), 1 / FORCE_STD)
@@ -44,7 +44,7 @@ def run(
             step, held = time[k] - time[k - 1], u[k - 1 : k]
             w.push(np.concatenate([[step, time[k - 1]], held, held, y[k - 1], forces, scale[k - 1]]))
         w.newest[:] = np.concatenate([[time[k]], u[k : k + 1], y[k], scale[k]])
-        assert w.solve(20, tolerance).converged
+        assert w.solve(limit, tolerance).converged or limit == 1
         mean.append(np.concatenate([w.here.x[:, -1], w.here.p]))
         spread.append(np.sqrt(np.diag(w.covariance())))
     return np.array(mean), np.array(spread)
@@ -99,6 +99,9 @@ def test_on_a_linear_model_the_window_is_the_kalman_filter_however_short(model, 
     truth, deviation = filtered(plant, C, time, u, y, std, prior)
     assert np.max(np.abs(mean - truth) / deviation) < 1e-8
     assert np.max(np.abs(spread / deviation - 1)) < 1e-8
+    if length == 5:  # one step is all that it takes
+        once, _ = run(window(dae, ["offset.f"], length, known, std, degree=4, update=update), time, u, y, std, limit=1)
+        assert np.max(np.abs(once - truth) / deviation) < 1e-8
 
 
 def test_what_nothing_is_known_of_has_an_infinite_deviation_until_the_samples_tell_it():
@@ -212,3 +215,32 @@ def test_columns_that_equations_determine_best_come_from_the_first_group_as_far_
     assert best_determined(J, [[0, 1], [2, 3]]) == (0, 2)
     with pytest.raises(np.linalg.LinAlgError, match="1 of the equations"):
         best_determined(J, [[0, 1], [3]])
+
+
+@pytest.mark.parametrize("bend", [0.9, 1.4, 1.9, 1.99, 60.0])
+def test_a_step_that_lands_as_high_on_the_other_side_of_a_bend_is_shortened_to_the_bottom(bend):
+    """Along the step the cost is c - 2 a t + a bend t^2, least at 1 / bend; Gauss-Newton says bend = 1."""
+    c, a, tried = 100.0, 3.0, []
+
+    class Along(Window):
+        def __init__(self):
+            self.here = Trajectory(np.zeros((1, 1)), np.empty((0, 0)), np.empty(0))
+
+        def _errors(self, at, _):
+            tried.append(at.x[0, 0])
+            return at.x, at.x[0], 0.0
+
+        def _rolled(self, step, length):
+            return self.here.moved(step, length)  # this cost has no balances to keep
+
+        def _cost(self, at, *_):
+            t = at.x[0, 0]
+            return c - 2 * a * t + a * bend * t**2
+
+    step, nothing = Trajectory(np.ones((1, 1)), np.empty((0, 0)), np.empty(0)), np.empty(0)
+    length, cost, there, e, _ = Along()._searched(step, a, c, 0.0, (nothing, nothing), False)
+    wanted = 1.0 if bend < 1.5 else 1 / bend
+    assert length == there.x[0, 0] == e[0, 0]
+    assert abs(length / wanted - 1) < 1e-9
+    assert cost == pytest.approx(c - 2 * a * length + a * bend * length**2)
+    assert len(set(tried)) <= 3

@@ -33,7 +33,7 @@ def problem_of(name: str, generator: ModuleType, duration: float, seed: int, **f
     model, factor = PLANTS[name](), OFF ** (1 if seed % 2 else -1)  # one for all: bodies stay bodies
     truth = {p.name: p.value for p in Problem(model=model, recordings=[recording]).dae.parameters}
     guesses = {p: Free(truth[p] * factor, min=0.0) for p in FREE[name]}
-    return Problem(model=model, recordings=[recording], parameters={**guesses, **fixed}), truth
+    return Problem(model=model, recordings=[recording], parameters={**guesses, **fixed}).plain, truth
 
 
 def approached(problem: Problem) -> Approach:

@@ -9,7 +9,8 @@ import pytest
 from scipy.linalg import expm
 
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.smoothing.unseen import telling_places, unseen_states
+from backsight.estimation.smoothing.telling import telling_places
+from backsight.estimation.smoothing.unseen import unseen_states
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
 from backsight.models.plants import drillstring

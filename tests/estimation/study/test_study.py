@@ -374,3 +374,9 @@ def test_the_delay_that_a_recording_asks_for_may_be_bounded(folder):
     assert "delay:x" not in asked.values()
     with pytest.raises(InputError, match='unknown parameter "delay:x"'):
         study(folder, own.replace(', delay = "estimate"', "")).problem()
+
+
+def test_commands_are_cut_off_at_the_limits_of_their_input(folder):
+    posed = study(folder, swap('{ F = "F_N" }', '{ F = { column = "F_N", limits = [-30.0, 20] } }')).problem()
+    np.testing.assert_allclose(posed.recordings[0].inputs["F"], np.clip(RECORD["F_N"], -30.0, 20.0))
+    refused(folder, swap('{ F = "F_N" }', '{ F = { column = "F_N", limits = [20, -30] } }'), "limits of input F", "the least comes first")

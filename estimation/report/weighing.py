@@ -1,0 +1,160 @@
+"""The page of a weighting study: what is recommended and why, the trade-off, what every weight does, and every setting that was solved."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .chart import COLOURS, Chart, Curve, Panel, columns, heat_map, stack
+from .document import document, drawn, save
+from .quantities import NOTHING, number, pretty, quantity
+from .tables import facts, fit_table, parameter_table, prediction_table, table
+
+if TYPE_CHECKING:
+    from ..weighing import Outcome, Weighing
+
+__all__ = ["balance_chart", "parameter_chart", "trade_off_chart", "write_weighing_report"]
+
+BAND = 1.96  # 95 % of a normal distribution
+DECADE = 1.0  # of a balance: colours end there
+
+
+def write_weighing_report(found: Weighing, path: str | Path) -> None:
+    """Write the page of a study to `path`: one HTML file that opens without a network."""
+    result = found.recommended
+    notes = "".join(f"<li>{escape(note)}</li>" for note in found.notes)
+    sections = [
+        ("found", "What the study found", f"<ul class=notes>{notes}</ul>"),
+        ("weights", "Weights", _weights(found)),
+        ("trade-off", "Residual forces against readings", drawn(trade_off_chart(found)) + drawn(parameter_chart(found))),
+        ("balance", "Residual balance", drawn(balance_chart(found))),
+        ("influence", "What every weight does to the parameters", _moves(found)),
+        ("parameters", "Parameters with the recommended weights", parameter_table(result)),
+        ("fit", "Fit with the recommended weights", fit_table(result.fit, result) + _predictions(found)),
+        ("settings", "All settings", _settings(found)),
+        ("solver", "Solver", facts([("settings", str(len(found.outcomes))), ("last solve", result.solver.status)])),
+    ]
+    page = document(
+        title=f"{result.model}: weighting matrices",
+        sub="What the data say of W and V, and what hangs on them",
+        lead=f"<p class=answer>{escape(found.why)}</p>",
+        sections=sections,
+    )
+    save(page, path)
+
+
+def trade_off_chart(found: Weighing) -> Chart | None:
+    """The L-curve: size of the residual forces against the misfit of the readings while all W are turned together."""
+    path = _path(found)
+    if len(path) < 2:
+        return None
+    x, y = np.array([_size(found, o) for o in path]).T
+    at = [o.setting.group == "candidate" for o in path]
+    curves = [
+        Curve(name="all W turned together", x=x, y=y, colour=COLOURS["smoothed"], look="joined"),
+        Curve(name="recommended", x=x[at], y=y[at], colour=COLOURS["residual"], look="joined"),
+    ]
+    panel = Panel(
+        curves=curves, y="log10 residual force / recommended W", y_unit="", x="log10 misfit / recommended V", x_unit="", height=300
+    )
+    caption = (
+        "L-curve. To the right the residual forces are held down and the readings pay for it; to the left the forces follow the readings' "
+        "noise. Both are means over places and outputs, each over what its recommended weight says."
+    )
+    return columns([panel], caption=caption, label="trade_off")
+
+
+def parameter_chart(found: Weighing) -> Chart | None:
+    """Every estimated parameter with its 95 % band while all W are turned together."""
+    path = _path(found)
+    if len(path) < 2 or not path[0].parameters:
+        return None
+    factor = np.log10([o.setting.factor for o in path])
+    units = {p.name: p.unit for p in found.recommended.parameters.values()}
+    panels = []
+    for name in path[0].parameters:
+        value, std = np.array([o.parameters[name] for o in path]).T
+        curve = Curve(name=name, x=factor, y=value, colour=COLOURS["smoothed"], look="joined", band=BAND * std, legend=False)
+        panels.append(Panel(curves=[curve], y=name, y_unit=units.get(name, ""), x="log10 factor on all W", x_unit="", height=130))
+    return stack(panels, caption="Parameters while all W are turned together, with their 95 % bands.", label="parameter_paths")
+
+
+def balance_chart(found: Weighing) -> Chart | None:
+    """Of every setting, equation and output, how large what is left over is beside what its weight supposes."""
+    solved = [o for o in found.outcomes if o.converged]
+    names = [*dict.fromkeys(n for o in solved for n in o.force), *dict.fromkeys(n for o in solved for n in o.misfit)]
+    if not names:
+        return None
+    values = np.array([[{**o.force, **o.misfit}.get(n, (np.nan, np.nan))[1] for o in solved] for n in names])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shown = np.log10(values)
+    caption = (
+        "Residual balance, log10 of rms over what the weight supposes: zero where a weight is right, red where an equation or a reading "
+        "has more left over than that, blue where it has less."
+    )
+    labels = [o.setting.name for o in solved]
+    return heat_map(shown, labels, names, caption=caption, label="balance", most=DECADE)
+
+
+def _path(found: Weighing) -> list[Outcome]:
+    """The settings of the trade-off in order, with the one that they lead through."""
+    through = next((o for o in found.outcomes if o.setting.group == "candidate"), None)
+    path = [o for o in (*([through] if through else []), *found.outcomes) if o.converged and o.setting.group in ("candidate", "trade-off")]
+    own = [o for o in path if o is through or o.setting.group == "trade-off"]
+    return sorted({o.setting.name: o for o in own}.values(), key=lambda o: o.setting.factor)
+
+
+def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:
+    """log10 of the mean misfit and of the mean residual force of a setting, over the recommended weights."""
+    weights = next(o for o in found.outcomes if o.setting.name == found.chosen).weights
+    parts = []
+    for kind, sizes in (("V", outcome.misfit), ("W", outcome.force)):
+        ratios = [rms / weights[f"{kind} of {name}"] for name, (rms, _) in sizes.items() if f"{kind} of {name}" in weights]
+        parts.append(float(np.log10(np.sqrt(np.mean(np.square(ratios))))) if ratios else float("nan"))
+    return parts[0], parts[1]
+
+
+def _weights(found: Weighing) -> str:
+    head = ["weight", "std from the data", "95 %", "p that it is zero", "recommended std", "unit"]
+    recommended = next(o for o in found.outcomes if o.setting.name == found.chosen).weights
+    rows = []
+    for label, std in recommended.items():
+        component = found.components.get(label)
+        if component is None:
+            continue
+        low, high = component.interval
+        told = np.isfinite(component.log_std) and not (component.p_zero or 0.0) > 0.05
+        band = f"{number(low, 3)} .. {number(high, 3)}" if told else f"up to {number(high, 3)}" if high < np.inf else NOTHING
+        zero = NOTHING if component.p_zero is None else number(component.p_zero, 2)
+        rows.append([label, number(component.std, 4), band, zero, number(std, 4), pretty(component.unit)])
+    return table(head, rows, words=(0, 5))
+
+
+def _moves(found: Weighing) -> str:
+    names = list(dict.fromkeys(n for moves in found.moves.values() for n in moves))
+    if not names:
+        return ""
+    rows = [[label, *(number(moves[n], 2) for n in names)] for label, moves in found.moves.items()]
+    text = "By how many of its standard deviations a parameter would move if the weight's std were ten times as large, to first order."
+    return table(["weight", *names], rows) + f"<p class=note>{text}</p>"
+
+
+def _predictions(found: Weighing) -> str:
+    return "".join(prediction_table(p, found.recommended.units) for p in found.recommended.held_out.values())
+
+
+def _settings(found: Weighing) -> str:
+    units = {p.name: p.unit for p in found.recommended.parameters.values()}
+    names = list(dict.fromkeys(n for o in found.outcomes for n in o.parameters))
+    head = ["setting", "log likelihood", "of what was held out", "condition", "steps", *names]
+    rows = []
+    for o in found.outcomes:
+        if not o.converged:
+            rows.append([o.setting.name, o.status, *[""] * (len(head) - 2)])
+            continue
+        values = [quantity(o.parameters[n][0], units.get(n, "")) for n in names]
+        rows.append([o.setting.name, number(o.log_likelihood, 7), number(o.held_out, 7), f"{o.condition:.1e}", str(o.iterations), *values])
+    return table(head, rows, codes=())

@@ -1,0 +1,144 @@
+"""Variance components: the weights that make what was measured most probable, how well the data tell them, and which may as well be zero.
+
+    theta  <-  theta + AI^-1 dl/dtheta,           std of theta^ = sqrt(diag AI^-1)          (`likelihood.py`)
+
+Whether a residual force is there at all is a question at the edge of what a variance can be: with the others at their best beside it,
+
+    LR = 2 (l(theta^) - l(theta_f -> -inf)),      p = 1/2 P(chi^2_1 > LR)  for LR > 0, else 1
+
+because under the null half of all estimates are zero (Self & Liang, J. Amer. Statist. Assoc. 82, 1987; Stram & Lee, Biometrics 50, 1994).
+A force counts as gone when its rows are left less than GONE degrees of freedom, so that the data could not tell a smaller one from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from backsight.ocp import Solution
+
+from .likelihood import Likelihood
+from .turned import Turned
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+ROUNDS = 20
+GAIN = 0.005  # of the log likelihood: what another step may promise at the end
+LONGEST = 1.5  # step in a theta
+RIDGE = 1e-3  # of AI's diagonal, where a weight's rows tell nothing
+GONE = 0.3  # degrees of freedom, see above
+LOWER = float(np.log(5.0))  # steps down to there
+STEPS_DOWN = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Component:
+    """One weight from the data: its std [unit], that of its logarithm (NaN where the data do not tell), and p that it is zero.
+
+    p_zero: None where nobody asks: a sensor has noise.
+    """
+
+    std: float
+    log_std: float
+    unit: str
+    p_zero: float | None = None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % of its std, on the logarithmic scale."""
+        spread = float(np.exp(1.959964 * self.log_std))
+        return self.std / spread, self.std * spread
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """Weights of the greatest likelihood, theta (F,), the solution there, AI over all of them, and whether the search arrived."""
+
+    theta: Array
+    solution: Solution
+    likelihood: Likelihood
+    settled: bool
+    rounds: int
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of theta, (F, F); NaN where the data do not tell."""
+        information = self.likelihood.information
+        information = (information + information.T) / 2
+        size = np.sqrt(np.maximum(np.diag(information), 0.0))
+        told = np.flatnonzero(size > 0)
+        out = np.full(information.shape, np.nan)
+        values, vectors = np.linalg.eigh(information[np.ix_(told, told)] / np.outer(size[told], size[told]))
+        if np.all(values > 0):
+            out[np.ix_(told, told)] = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
+        return out
+
+    @property
+    def std(self) -> Array:
+        """Of theta, (F,); NaN where the data do not tell."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=np.float64)
+
+
+def maximise(
+    turned: Turned, theta: Array, moving: Array, start: Array | None = None, say: Callable[[str], None] | None = None, gain: float = GAIN
+) -> Found:
+    """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,)."""
+    here = _at(turned, theta, start)
+    value, settled, rounds = here.value, not moving.any(), 0
+    for rounds in range(1, ROUNDS + 1) if moving.any() else ():
+        step = _step(here, moving)
+        promise = float(step @ here.slope) / 2
+        if say is not None:
+            say(f"weights from the likelihood, round {rounds}: log likelihood {value:.2f}, {promise:.2g} to be gained")
+        if promise < gain:
+            settled = True
+            break
+        length = 1.0
+        while length > 0.1:
+            there = _at(turned, theta + length * step, here.solution.solved.decisions)
+            if there.value > value - gain:
+                break
+            length /= 3.0
+        else:
+            break
+        theta, here, value = theta + length * step, there, there.value
+    return Found(theta=theta, solution=here.solution, likelihood=here, settled=settled, rounds=rounds)
+
+
+def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[str], None] | None = None) -> tuple[float, float]:
+    """p that weight f is zero, NaN where a solve did not arrive, and theta_f taken for zero: the largest not to be told from it."""
+    theta, start, others = best.theta.copy(), best.solution.solved.decisions, moving.copy()
+    others[f] = False
+    for _ in range(STEPS_DOWN):
+        here = _at(turned, theta, start)
+        if here.freedom[f] < GONE:
+            break
+        theta[f] -= LOWER
+        start = here.solution.solved.decisions
+    gone = maximise(turned, theta, others, start)
+    if not all(found.solution.solved.status.converged for found in (best, gone)):
+        return float("nan"), float(theta[f])
+    ratio = 2.0 * (best.likelihood.value - gone.likelihood.value)
+    p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
+    if say is not None:
+        say(f"without {turned.weights[f].label}: likelihood ratio {ratio:.1f}")
+    return p, float(theta[f])
+
+
+def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
+    solution = turned.solve(theta, start)
+    return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
+
+
+def _step(here: Likelihood, moving: Array) -> Array:
+    """AI^-1 slope over the moving weights, of bounded length."""
+    out, I, slope = np.zeros(len(moving)), here.information[np.ix_(moving, moving)], here.slope[moving]
+    size = np.sqrt(np.maximum(np.diag(I), 2.0 * np.maximum(here.freedom[moving], 0.0) + 1e-12))
+    values, vectors = np.linalg.eigh(I / np.outer(size, size) + RIDGE * np.eye(len(size)))
+    step = (vectors / np.maximum(values, RIDGE)) @ (vectors.T @ (slope / size)) / size
+    out[moving] = step * min(1.0, LONGEST / max(np.abs(step).max(), 1e-300))
+    return out

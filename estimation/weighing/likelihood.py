@@ -1,0 +1,130 @@
+"""The marginal likelihood of the weights: how probable they make what was measured, trajectories and parameters integrated out.
+
+With theta the logarithms of standard deviations, r(X; theta) all scaled rows of the cost and H = J'J at the estimate X^, by Laplace,
+
+    l(theta)  =  -1/2 r'r  +  sum over rows of log scale  -  1/2 log det H  +  const
+
+    dl/dtheta_f  =  r_f'r_f  -  sum (1 - lambda),          lambda the leverage of the rows f, tr(H^-1 J_f'J_f) in all
+    AI_fg        =  2 (delta_fg r_f'r_f  -  (J_f'r_f)' H^-1 (J_g'r_g))
+
+AI is the average information of Gilmour, Thompson & Cullis (Biometrics 51, 1995): the mean of the observed and the expected one, in which
+the traces that are dear to compute have cancelled. Both neglect how H bends with X^. What only depends on parameters (the density of a
+force as one of an acceleration, an inertia) is left out of l: between two weights on one mesh it hardly differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from backsight.ocp import Solution
+
+from ..smoothing.robust import RobustSolution, log_density
+from .kkt import gauss_newton
+from .turned import Mask
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+LEAST = 0.1  # degrees of freedom, of which squares say anything
+Rows = list[tuple[int, Mask]]  # number of a term, which of its rows
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Of a solution, with the rows of every weight (F lists)."""
+
+    solution: Solution
+    rows: Sequence[Rows]
+
+    @property
+    def value(self) -> float:
+        """l but for a constant of the mesh; NaN where the solution is no minimum."""
+        s = self.solution
+        if s.curvature is None:
+            return float("nan")
+        total = 0.0
+        for number, term in enumerate(s.transcription.nlp.terms):
+            if not term.equality:
+                total += float(np.sum(_log_densities(s, number)[s.values.scale[number] > 0]))
+        moving = np.ones(s.transcription.nlp.size, dtype=bool)
+        moving[s.held] = False
+        return total - 0.5 * s.curvature.log_determinant + float(np.sum(np.log(s.values.unit[moving])))
+
+    @cached_property
+    def squares(self) -> Array:
+        """r_f'r_f, (F,)."""
+        return np.array([sum(float(np.sum(self._squares[k][of])) for k, of in rows) for rows in self.rows])
+
+    @cached_property
+    def freedom(self) -> Array:
+        """Sum of 1 - leverage over the rows of every weight, (F,)."""
+        return np.array([sum(float(np.sum(self._freedom(k)[of])) for k, of in rows) for rows in self.rows])
+
+    @property
+    def counts(self) -> Array:
+        """Rows of every weight, (F,)."""
+        return np.array([sum(int(np.count_nonzero(of & (self.solution.values.scale[k] > 0))) for k, of in rows) for rows in self.rows])
+
+    @property
+    def ratio(self) -> Array:
+        """Root of the squares over their freedom, (F,): 1 where a weight is right; NaN where its rows have none."""
+        told = self.freedom > LEAST
+        return np.asarray(np.sqrt(np.divide(self.squares, self.freedom, out=np.full(len(self.rows), np.nan), where=told)), dtype=np.float64)
+
+    @property
+    def slope(self) -> Array:
+        """dl/dtheta, (F,)."""
+        return self.squares - self.freedom
+
+    @cached_property
+    def information(self) -> Array:
+        """AI, (F, F)."""
+        return 2.0 * (np.diag(self.squares) - self.pulls.T @ gauss_newton(self.solution).solve(self.pulls))
+
+    @cached_property
+    def pulls(self) -> Array:
+        """J_f'r_f in the program's units, (n + np, F): how the rows of a weight pull at the unknowns."""
+        s = self.solution
+        evaluated, X = s.transcription.nlp.assembled.evaluated, s.values.scaled(s.solved.decisions)
+        parts = {k: evaluated.linearised(k, X, s.values) for rows in self.rows for k, _ in rows}
+        out = np.zeros((s.transcription.nlp.size, len(self.rows)))
+        for f, rows in enumerate(self.rows):
+            masked = [type(parts[k])(k, np.where(of, parts[k].r, 0.0), parts[k].J) for k, of in rows]
+            out[:, f] = evaluated.gradient(masked)
+        return out
+
+    @cached_property
+    def _squares(self) -> list[Array]:
+        found = [r**2 for r in self.solution.rows]
+        if isinstance(self.solution, RobustSolution):
+            number = self.solution.term("samples")
+            found[number] = self.solution.squares()[0]
+        return found
+
+    def _freedom(self, number: int) -> Array:
+        if isinstance(self.solution, RobustSolution) and number == self.solution.term("samples"):
+            return self.solution.squares()[1]
+        scale = self.solution.values.scale[number]
+        return np.asarray(np.where(scale > 0, 1.0 - self._leverage(number) * scale**2, 0.0))
+
+    def _leverage(self, number: int) -> Array:
+        if number not in self._leverages:
+            self._leverages[number] = self.solution.leverage(number)
+        return self._leverages[number]
+
+    @cached_property
+    def _leverages(self) -> dict[int, Array]:
+        return {}
+
+
+def _log_densities(solution: Solution, number: int) -> Array:
+    """Logarithms of the densities of a term's rows but for the constant; of no meaning where a scale is zero."""
+    scale, r = solution.values.scale[number], solution.rows[number]
+    density = -0.5 * r**2
+    with np.errstate(divide="ignore"):
+        if isinstance(solution, RobustSolution) and number == solution.term("samples"):
+            scale = scale / np.sqrt(solution.weights * solution.gain)
+            density = np.where(solution.huber, log_density(solution.standardised), density)
+        return np.asarray(np.log(scale) + density)

@@ -1,0 +1,52 @@
+"""Which settings a study solves: candidates for the recommendation, the trade-off of W against V, and every weight by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .setting import Group, Setting
+from .turned import Weight
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+ALONE = (0.1, 1 / 3, 3.0, 10.0)  # factors on one std
+TOGETHER = tuple(10.0 ** (k / 2) for k in range(-4, 5) if k)  # on the stds of all residual forces
+STAGES = tuple(10.0**k for k in (2, 1, -1, -2))  # on all that holds the parameters: weak first
+DIGITS = 6  # of a theta: what tells settings apart
+
+
+def settings(weights: Sequence[Weight], candidates: Mapping[str, Array], about: Array) -> list[list[Setting]]:
+    """All settings, in chains of which each one's solution is where the next one starts; candidates: name -> theta (F,).
+
+    Paths lead away from the candidate `about`, to smaller and to larger ones.
+    """
+    found = [[Setting(name=name, group="candidate", theta=_rounded(theta))] for name, theta in candidates.items()]
+    forces = np.array([w.kind == "W" for w in weights])
+    holding = np.array([w.kind in ("drift", "prior") for w in weights])
+    paths: tuple[tuple[Group, str, Array, tuple[float, ...]], ...] = (
+        ("trade-off", "W", forces, TOGETHER),
+        ("stage", "what holds the parameters", holding, STAGES),
+    )
+    for group, what, which, factors in paths:
+        for way in _ways(factors) if which.any() else ():
+            at = [_rounded(np.where(which, about + np.log(factor), about)) for factor in way]
+            found.append([Setting(name=f"{what} x {s:.3g}", group=group, theta=t, factor=s) for s, t in zip(way, at, strict=True)])
+    for f, weight in enumerate(weights):
+        alone = np.arange(len(weights)) == f
+        for way in _ways(ALONE) if weight.is_component else ():
+            at = [_rounded(np.where(alone, about + np.log(factor), about)) for factor in way]
+            label = weight.label
+            chain = zip(way, at, strict=True)
+            found.append([Setting(name=f"{label} x {s:.3g}", group="weight", theta=t, varied=label, factor=s) for s, t in chain])
+    return found
+
+
+def _ways(factors: tuple[float, ...]) -> tuple[list[float], list[float]]:
+    """Down from one, and up."""
+    return sorted((s for s in factors if s < 1), reverse=True), sorted(s for s in factors if s > 1)
+
+
+def _rounded(theta: Array) -> tuple[float, ...]:
+    return tuple(np.round(theta, DIGITS).tolist())

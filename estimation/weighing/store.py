@@ -1,0 +1,58 @@
+"""Finished settings of a study, one small file each: what was interrupted goes on where it stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import asdict, fields
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from .setting import Outcome, Setting
+
+
+class Store:
+    """Outcomes of one study in a folder; None keeps them for this run only.
+
+    study: what they belong to; others in the same folder are left alone, and a file that cannot be read counts as not there.
+    """
+
+    def __init__(self, folder: Path | None, study: str) -> None:
+        self.folder, self.study = folder, study
+
+    def get(self, setting: Setting) -> Outcome | None:
+        """What was kept of a setting."""
+        try:
+            return _outcome(json.loads(self._path(setting).read_text(encoding="utf-8"))) if self.folder else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def put(self, outcome: Outcome) -> None:
+        """Keep it, whole or not at all."""
+        if self.folder is None:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                json.dump(asdict(outcome), file)
+            os.replace(name, self._path(outcome.setting))
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+    def _path(self, setting: Setting) -> Path:
+        assert self.folder is not None
+        key = sha256(json.dumps([self.study, setting.name, setting.theta]).encode()).hexdigest()[:24]
+        return self.folder / f"{key}.json"
+
+
+def _outcome(kept: dict[str, Any]) -> Outcome:
+    names = {f.name for f in fields(Outcome)}
+    if kept.keys() != names:
+        raise KeyError("another version")
+    setting = Setting(**{**kept["setting"], "theta": tuple(kept["setting"]["theta"])})
+    pairs = {key: {name: tuple(pair) for name, pair in kept[key].items()} for key in ("parameters", "misfit", "force")}
+    return Outcome(**{**kept, **pairs, "setting": setting})

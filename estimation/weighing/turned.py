@@ -1,0 +1,206 @@
+"""A smoothed problem on its mesh, with every weight on a knob of its own: log of the factor on its standard deviation.
+
+    r_f -> r_f exp(-theta_f),        r_f the rows of the cost that weight f scales
+
+What differs between two solves is then the weights alone, and not a mesh that was chosen for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backsight.models.augmentation import stationary_std
+from backsight.models.errors import InputError
+from backsight.ocp import Solution, Status
+from backsight.ocp.nlp import Values
+
+from ..problem import Problem
+from ..results import Smoothing
+from ..smoothing.program import Program, decision_bounds
+from ..smoothing.rest import near_rest
+from ..smoothing.robust import Losses, RobustSolution
+from ..supposed import INPUT, PARAMETER
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Mask = NDArray[np.bool_]
+Kind = Literal["W", "V", "drift", "prior"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weight:
+    """One entry of W or V, the rate of drift of a parameter, or all priors of the parameters: its name, std in force and unit.
+
+    row: among the soft places, or of an output among the model's; measured_input: V of an input, which acts as a residual force does.
+    Priors are turned together, and their std is the factor on them.
+    """
+
+    name: str
+    kind: Kind
+    std: float
+    unit: str
+    row: int
+    measured_input: bool = False
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether it scales samples of an output."""
+        return self.kind == "V" and not self.measured_input
+
+    @property
+    def label(self) -> str:
+        """W of drive_1, V of x_r, drift of bha.d."""
+        return f"{self.kind} of {self.name}"
+
+    @property
+    def is_component(self) -> bool:
+        """Whether it says how large something random is, which the data may tell; a prior is what is known without them."""
+        return self.kind != "prior"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turned:
+    """The program of a solution, its weights (F,) and numbers without the weights of a robust loss.
+
+    coloured: place -> rows of the initial state that its std scales too, because a coloured force starts stationary.
+    """
+
+    program: Program
+    weights: tuple[Weight, ...]
+    coloured: dict[int, tuple[int, ...]]
+
+    def solve(
+        self, theta: Array, start: Array | None = None, *, newton: bool = False, say: Callable[[str], None] | None = None
+    ) -> Solution:
+        """The problem solved with log factors theta (F,) on the standard deviations, from decisions `start` (n + np,)."""
+        begin = self.program.start if start is None else start
+        return self.program.solve(begin, self.values(theta), newton, say or (lambda _: None))
+
+    def solved(self, theta: Array, start: Array | None = None) -> Solution:
+        """The same, with as many steps again where they did not suffice."""
+        found = self.solve(theta, start)
+        return self.solve(theta, found.solved.decisions) if found.solved.status is Status.ITERATIONS else found
+
+    def with_parameters(self, found: Mapping[str, float]) -> Turned:
+        """The same with other values of the parameters that are not estimated here, by name."""
+        t, values = self.program.transcription, self.program.values.parameters.copy()
+        for i, info in enumerate(t.dae.parameters):
+            if i not in t.nlp.free:
+                values[i] = found.get(info.name, values[i])
+        return replace(self, program=replace(self.program, values=replace(self.program.values, parameters=values)))
+
+    @property
+    def moving(self) -> Mask:
+        """Intervals of every soft place that are not near rest, (n_soft, N)."""
+        return ~self._rests
+
+    def values(self, theta: Array) -> Values:
+        """The program's numbers at theta."""
+        t, values = self.program.transcription, self.program.values
+        force, noise = self._factors(theta)
+        scale = [s.copy() for s in t.with_force_std(values, self._std(force) / self._standing).scale]
+        prior = [v for w, v in zip(self.weights, theta, strict=True) if w.kind == "prior"]
+        for number, term in enumerate(t.nlp.terms):
+            if term.name == "parameter prior":
+                scale[number] /= np.exp(sum(prior))
+            if term.name == "samples":
+                scale[number] /= noise[:, None]
+            if term.name == "initial state":
+                for i, rows in self.coloured.items():
+                    scale[number][list(rows)] /= force[i]
+        return replace(values, scale=tuple(scale))
+
+    def rows(self, f: int, theta: Array) -> list[tuple[int, Mask]]:
+        """The rows that weight f scales at theta: (number of the term, which of its rows (K m, C))."""
+        weight, t, found = self.weights[f], self.program.transcription, []
+        for number, term in enumerate(t.nlp.terms):
+            of = np.zeros(term.target.shape, dtype=np.bool_)
+            if weight.kind == "prior":
+                of[:] = term.name == "parameter prior"
+            elif weight.is_noise and term.name == "samples":
+                of[weight.row] = True
+            elif not weight.is_noise and term.name == t.force_term:
+                force, _ = self._factors(theta)
+                of[weight.row :: len(t.soft)] = ~self._rests[weight.row] | (self._std(force) > self._standing)[weight.row]
+            elif not weight.is_noise and term.name == "initial state" and weight.row in self.coloured:
+                of[list(self.coloured[weight.row])] = True
+            if of.any():
+                found.append((number, of))
+        return found
+
+    def _factors(self, theta: Array) -> tuple[Array, Array]:
+        """Factors on the stds of the soft places and of the outputs."""
+        t = self.program.transcription
+        force, noise = np.ones(len(t.soft)), np.ones(len(t.dae.outputs))
+        for weight, value in zip(self.weights, theta, strict=True):
+            if weight.kind == "prior":
+                continue
+            (noise if weight.is_noise else force)[weight.row] = np.exp(value)
+        return force, noise
+
+    def _std(self, force: Array) -> Array:
+        """Standard deviations of the residual forces, (n_soft, N): near rest they keep their room, unless all have more."""
+        return np.where(self._rests, np.maximum(self._standing, force[:, None] * self._elsewhere), force[:, None] * self._standing)
+
+    @cached_property
+    def _standing(self) -> Array:
+        return self.program.transcription.force_std_at(self.program.values)
+
+    @cached_property
+    def _rests(self) -> Mask:
+        rests = near_rest(self._standing)
+        return np.asarray(rests & ~rests.all(axis=1, keepdims=True), dtype=np.bool_)
+
+    @cached_property
+    def _elsewhere(self) -> Array:
+        """Of every soft place the usual standard deviation away from rest, (n_soft, 1)."""
+        return np.array([[np.median(std[~rests])] for std, rests in zip(self._standing, self._rests, strict=True)]).reshape(-1, 1)
+
+
+def turned(problem: Problem, result: Smoothing) -> Turned:
+    """The knobs of a smoothed problem. Raises InputError where there is no solution to begin with."""
+    solution, in_force = result.solution, result.weights
+    if solution is None or not result.solver.converged:
+        raise InputError(f"weigh: the study cannot begin, because smoothing did not converge ({result.solver.status.rstrip('.')}).")
+    t, posed, values = solution.transcription, problem.posed, solution.values
+    if isinstance(solution, RobustSolution):
+        number = solution.term("samples")
+        plain = values.scale[number] / np.sqrt(solution.weights * solution.gain)
+        values = replace(values, scale=tuple(plain if k == number else s for k, s in enumerate(values.scale)))
+    lower, upper = decision_bounds(posed, t)
+    program = Program(
+        transcription=t,
+        solver=solution.solver,
+        values=values,
+        start=solution.solved.decisions,
+        lower=lower,
+        upper=upper,
+        at_rest=np.zeros((len(t.soft), t.offsets[-1])),
+        losses=Losses.of(posed),
+    )
+    weights, coloured, names = [], {}, [q.name for q in posed.dae.states]
+    for row, k in enumerate(t.soft):
+        place = posed.dae.places[k]
+        if place.name.startswith(INPUT):
+            name = place.name.removeprefix(INPUT)
+            weights.append(Weight(name=name, kind="V", std=in_force.V[name], unit=place.unit, row=row, measured_input=True))
+        elif place.name.startswith(PARAMETER):
+            name = place.name.removeprefix(PARAMETER)
+            weights.append(Weight(name=name, kind="drift", std=posed.weights.W[place.name], unit=place.unit, row=row))
+        else:
+            name = place.name
+            weights.append(Weight(name=name, kind="W", std=in_force.W[name], unit=place.unit, row=row))
+            if name in in_force.tau:
+                states = stationary_std(name, 1.0, in_force.tau[name], in_force.kind.get(name, "ou"))
+                coloured[row] = tuple(names.index(state) for state in states)
+    for row, q in enumerate(posed.dae.outputs):
+        if q.name in in_force.V:
+            weights.append(Weight(name=q.name, kind="V", std=in_force.V[q.name], unit=q.unit, row=row))
+    if any(term.name == "parameter prior" for term in t.nlp.terms):
+        weights.append(Weight(name="the parameters", kind="prior", std=1.0, unit="1", row=-1))
+    return Turned(program=program, weights=tuple(weights), coloured=coloured)

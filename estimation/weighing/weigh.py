@@ -1,0 +1,244 @@
+"""A study of the weighting matrices: what the data say of W and V, and what hangs on them.
+
+problem with W and V left out -> smoothed -> likelihood of the weights -> what moves with them -> settings side by side -> recommended
+
+The study is made on one mesh, with weights that the data told at first: given ones may be so far off that nothing can be seen with them.
+What is recommended is smoothed once more as a user would.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from ..problem import Problem, Weights
+from ..recordings.recording import Recording
+from ..recordings.split import with_held_out
+from ..results import Smoothing
+from ..smoothing.smoother import smooth
+from ..supposed import noisy_inputs
+from ..wording import listed
+from ..workers import workers
+from .components import Component, Found, maximise, without
+from .kkt import sensitivity
+from .magnitude import magnitudes, sizes
+from .plan import settings
+from .setting import Outcome, Setting, Stand, solve
+from .store import Store
+from .turned import Turned, turned
+from .words import words
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Progress = Callable[[str], None]
+
+ZERO = 0.05  # p from which on a residual force may as well be none
+FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its noise cannot be told from forces
+AHEAD = 64  # settings that a cluster has at hand
+TIED = 3.0  # log likelihood of what was held out: less makes no difference
+LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weighing:
+    """What a study of the weights found.
+
+    recommended: the problem smoothed with the weights that it recommends, which are `recommended.weights`; chosen: the setting that they
+    come from; why: a sentence.
+    components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds a tenfold std would move it, to
+    first order. outcomes: of all settings. forces: place -> rms of the largest force there. notes: what the study says in words.
+    """
+
+    recommended: Smoothing
+    chosen: str
+    why: str
+    components: Mapping[str, Component]
+    correlation: Mapping[tuple[str, str], float]
+    moves: Mapping[str, Mapping[str, float]]
+    outcomes: tuple[Outcome, ...]
+    forces: Mapping[str, float]
+    notes: tuple[str, ...]
+    problem: Problem
+
+
+def weigh(
+    problem: Problem, *, jobs: int = 1, scheduler: str | None = None, keep: Path | None = None, progress: Progress | None = None
+) -> Weighing:
+    """Study the weights of a problem.
+
+    jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished settings stay, so that an
+    interrupted study goes on. Raises InputError where the problem cannot be smoothed at all.
+    """
+    say = progress or (lambda _: None)
+    ahead = AHEAD if scheduler else 1 if jobs == 1 else 2 * jobs
+    with workers(jobs, scheduler) as pool:
+        recordings, split = with_held_out(problem.recordings)
+        posed = _open(replace(problem, recordings=[r for r in recordings if r.role == "fit"]))
+        first = smooth(posed, progress=say)
+        knobs = turned(posed, first)
+        say("weights from the likelihood")
+        given = _given(problem, knobs)
+        best, moving = _likeliest(knobs, given, say)
+        components, theta = _components(knobs, best, moving, say)
+        force = sizes(posed, best.solution)
+        candidates = {LIKELIHOOD: theta, FIRST: np.zeros_like(theta), RULE: magnitudes(knobs, posed, force)}
+        if np.isfinite(given).any():
+            candidates[GIVEN] = np.where(np.isnan(given), theta, given)
+        held = _held_out(posed, recordings, knobs, best, theta, say)
+        stand = Stand(fitted=knobs, held_out=held, start=best.solution.solved.decisions)
+        outcomes = _solved(stand, settings(knobs.weights, candidates, theta), pool, ahead, keep, say)
+    chosen, why = _recommended(outcomes)
+    say("smoothing with the recommended weights")
+    weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
+    result = smooth(replace(_open(replace(problem, recordings=recordings)), weights=weights), progress=say)
+    moves = _moves(knobs, best)
+    found = Weighing(
+        recommended=result,
+        chosen=chosen.setting.name,
+        why=why,
+        components=components,
+        correlation=_correlation(knobs, best),
+        moves=moves,
+        outcomes=tuple(outcomes),
+        forces=force,
+        notes=(),
+        problem=problem,
+    )
+    return replace(found, notes=(*([split] if split else []), *words(found), *result.notes))
+
+
+def _open(problem: Problem) -> Problem:
+    """The problem without W at its balances and V of its outputs; what only a given weight makes part of it stays."""
+    weights, plain = problem.weights, {p.name for p in problem.dae.places}
+    own = {name: std for name, std in weights.W.items() if name not in plain or name in weights.tau}
+    recordings = [replace(r, output_std=dict.fromkeys(r.outputs)) for r in problem.recordings]
+    return replace(problem, recordings=recordings, weights=replace(weights, W=own, V=noisy_inputs(problem)))
+
+
+def _likeliest(knobs: Turned, given: Array, say: Progress) -> tuple[Found, Array]:
+    """The weights of greatest likelihood, and which of them (F,) were sought.
+
+    A sensor whose samples the residual forces can all follow does not tell its noise from them: it keeps what is given, or was at first.
+    """
+    theta = np.zeros(len(knobs.weights))
+    moving = np.array([w.is_component for w in knobs.weights])
+    while True:
+        best = maximise(knobs, theta, moving, say=say)
+        left, noise = best.likelihood.freedom, np.array([w.is_noise for w in knobs.weights])
+        untold = moving & noise & (left < FOLLOWED * best.likelihood.counts)
+        if not untold.any():
+            return best, moving
+        theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
+        moving = moving & ~untold
+
+
+def _components(knobs: Turned, best: Found, moving: Array, say: Progress) -> tuple[dict[str, Component], Array]:
+    """What the data tell of every weight, and theta (F,) where a force that may be none is as small as can be told."""
+    components, theta, spread = {}, best.theta.copy(), best.std
+    for f, weight in enumerate(knobs.weights):
+        if not weight.is_component:
+            continue
+        p = None
+        if not weight.is_noise:
+            p, gone = without(knobs, best, f, moving, say)
+            if p > ZERO:
+                theta[f] = max(theta[f], gone)
+        told = float(spread[f]) if moving[f] else float("nan")
+        components[weight.label] = Component(std=weight.std * float(np.exp(theta[f])), log_std=told, p_zero=p, unit=weight.unit)
+    return components, theta
+
+
+def _given(problem: Problem, knobs: Turned) -> Array:
+    """theta (F,) of the weights that the problem gives, NaN of those that it leaves out."""
+    stds = {f"W of {name}": std for name, std in problem.weights.W.items()}
+    for recording in problem.recordings:
+        stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
+    stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
+    return np.array([np.log(stds[w.label] / w.std) if w.label in stds else np.nan for w in knobs.weights])
+
+
+def _weights(weights: Weights, knobs: Turned, theta: Array) -> Weights:
+    """As a study file has them."""
+    stds = {w: w.std * float(np.exp(v)) for w, v in zip(knobs.weights, theta, strict=True)}
+    W = {**weights.W, **{w.name: std for w, std in stds.items() if w.kind == "W"}}
+    return replace(weights, W=W, V={**weights.V, **{w.name: std for w, std in stds.items() if w.kind == "V"}})
+
+
+def _held_out(posed: Problem, recordings: Sequence[Recording], knobs: Turned, best: Found, theta: Array, say: Progress) -> Turned | None:
+    """What was held out, smoothed with the parameters of the best weights."""
+    own = [replace(r, role="fit", output_std=dict.fromkeys(r.outputs)) for r in recordings if r.role == "held_out"]
+    if not own:
+        return None
+    say("smoothing what was held out")
+    dae = best.solution.transcription.dae
+    found = dict(zip((p.name for p in dae.parameters), best.solution.parameters.tolist(), strict=True))
+    values = {p.name: found.get(p.name, p.value) for p in posed.dae.parameters}
+    fixed = replace(posed, recordings=own, parameters={**values, **posed.varying}, weights=_weights(posed.weights, knobs, theta))
+    result = smooth(fixed, progress=say)
+    return turned(fixed, result) if result.solver.converged else None
+
+
+def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:
+    """All settings, those that were kept and the others side by side, so many chains at once."""
+    blob, wanted = pickle.dumps(stand), list(chain.from_iterable(chains))
+    store = Store(keep, stand.identity)
+    found: dict[str, Outcome] = {s.name: kept for s in wanted if (kept := store.get(s)) is not None}
+    left = [c for c in chains if any(s.name not in found for s in c)]  # whole: what a chain gives hangs on where it came from
+    say(f"setting {len(found)} of {len(wanted)}")
+    waiting = set[Future[list[Outcome]]]()
+    while left or waiting:
+        while left and len(waiting) < ahead:
+            waiting.add(pool.submit(solve, blob, left.pop(0)))
+        done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+        for outcome in chain.from_iterable(future.result() for future in done):
+            store.put(outcome)
+            found[outcome.setting.name] = outcome
+            say(f"setting {len(found)} of {len(wanted)}")
+    return [found[s.name] for s in wanted]
+
+
+def _recommended(outcomes: list[Outcome]) -> tuple[Outcome, str]:
+    """The candidate that what was held out speaks for, and why."""
+    candidates = [o for o in outcomes if o.setting.group == "candidate" and o.converged]
+    best = next((o for o in candidates if o.setting.name == LIKELIHOOD), None)
+    judged = [o for o in candidates if np.isfinite(o.held_out)]
+    if best is None or not judged or not np.isfinite(best.held_out):
+        chosen = best or max(candidates, key=lambda o: o.log_likelihood)
+        return chosen, f"The weights of {chosen.setting.name}; nothing that was held out could judge them."
+    first = max(judged, key=lambda o: o.held_out)
+    ahead = first.held_out - best.held_out
+    if ahead > TIED:
+        why = f"what was held out is {ahead:.0f} nats likelier with them than with those of greatest likelihood"
+        return first, f"The weights {first.setting.name}: {why}."
+    others = [f"{o.setting.name} by {best.held_out - o.held_out:.0f} nats" for o in judged if best.held_out - o.held_out > TIED]
+    ahead_of = f"; judged by what was held out they are ahead of those {listed(others)}" if others else ""
+    return best, f"The weights of greatest likelihood{ahead_of}."
+
+
+def _moves(knobs: Turned, best: Found) -> dict[str, dict[str, float]]:
+    solution, n = best.solution, best.solution.transcription.nlp.trajectory_size
+    slope = sensitivity(solution, best.likelihood.pulls)[n:]
+    curvature = solution.curvature
+    std = np.sqrt(curvature.parameter_variance) if curvature is not None else np.full(len(slope), np.nan)
+    names = [solution.transcription.dae.parameters[i].name for i in solution.transcription.nlp.free]
+    std = np.where(std > 0, std, np.nan)  # on a bound it does not move at all
+    tenfold = np.log(10.0) * slope / std[:, None]
+    return {w.label: dict(zip(names, tenfold[:, f].tolist(), strict=True)) for f, w in enumerate(knobs.weights)}
+
+
+def _correlation(knobs: Turned, best: Found) -> dict[tuple[str, str], float]:
+    """Of the estimated logarithms of two weights."""
+    covariance = best.covariance
+    std = np.sqrt(np.diag(covariance))
+    found = {}
+    for f, a in enumerate(knobs.weights):
+        for g, b in enumerate(knobs.weights[:f]):
+            value = float(covariance[f, g] / (std[f] * std[g]))
+            if np.isfinite(value):
+                found[b.label, a.label] = value
+    return found

@@ -1,0 +1,82 @@
+"""What a study of the weights found, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..wording import listed
+
+if TYPE_CHECKING:
+    from .weigh import Weighing
+
+FELT = 0.1  # of a parameter's std: a weight that moves none by as much, tenfold, hardly matters
+MOVING = 1.0  # and one that moves some by as much decides about it
+TOLD = 0.35  # std of a logarithm above which a weight is hardly told: a factor of two either way
+TWINS = 0.9  # correlation of two weights of which one can stand for the other
+LARGE, SMALL = 0.05, 0.01  # of the forces at a place: what a balance leaves over
+ZERO = 0.05  # p from which on a force may be none
+LOST = 1e3  # a setting's condition number over the recommended one's
+DIGITS = 16.0  # of a number
+
+
+def words(found: Weighing) -> tuple[str, ...]:
+    """Sentences, the most important ones first."""
+    return (found.why, *_equations(found), *_weights(found), *_moving(found), *_conditioning(found))
+
+
+def _equations(found: Weighing) -> list[str]:
+    out = []
+    recommended = next(o for o in found.outcomes if o.setting.name == found.chosen)
+    for place, (rms, _) in recommended.force.items():
+        size, component = found.forces.get(place), found.components.get(f"W of {place}")
+        if size is None or component is None:
+            continue
+        share = rms / size
+        if component.p_zero is not None and component.p_zero > ZERO:
+            out.append(f"{place}: its balance holds as it stands; no residual force is asked for (p = {component.p_zero:.2g} without it).")
+        elif share > LARGE:
+            out.append(f"{place}: the data cannot satisfy its balance: {100 * share:.0f} % of its forces are left over.")
+        elif share < SMALL:
+            out.append(f"{place}: its balance leaves {100 * share:.2g} % of its forces over: little, but more than none.")
+        else:
+            out.append(f"{place}: its balance leaves {100 * share:.1f} % of its forces over.")
+    return out
+
+
+def _weights(found: Weighing) -> list[str]:
+    hardly = [label for label, c in found.components.items() if not (c.p_zero or 0) > ZERO and c.log_std > TOLD]
+    out = [f"The data hardly tell {listed(hardly)}: a factor of two either way would do."] if hardly else []
+    untold = [label for label, c in found.components.items() if label.startswith("V") and np.isnan(c.log_std)]
+    out += [
+        f"{label}: the residual forces can follow every sample, and tell nothing of its noise; give what its sensor has."
+        for label in untold
+    ]
+    twins = [pair for pair, r in found.correlation.items() if abs(r) > TWINS]
+    return out + [f"{a} and {b} explain the same: what one has more the other has less." for a, b in twins]
+
+
+def _moving(found: Weighing) -> list[str]:
+    quiet = [label for label, moves in found.moves.items() if moves and max(abs(m) for m in moves.values()) < FELT]
+    out = [f"Hardly a matter: {listed(quiet)}; tenfold it would move no parameter by {FELT:g} of its std."] if quiet else []
+    for label, moves in found.moves.items():
+        most = max(moves, key=lambda name: abs(moves[name]), default=None)
+        if most is not None and abs(moves[most]) > MOVING:
+            out.append(f"{label} decides about {most}: ten times as large it would move it by {abs(moves[most]):.1f} of its std.")
+    return out
+
+
+def _conditioning(found: Weighing) -> list[str]:
+    solved = [o for o in found.outcomes if np.isfinite(o.condition)]
+    failed = [o.setting.name for o in found.outcomes if not o.converged]
+    usual = float(np.median([o.condition for o in solved])) if solved else np.nan
+    worst = max(solved, key=lambda o: o.condition, default=None)
+    out = []
+    if worst is not None:
+        digits = DIGITS - np.log10(worst.condition)
+        text = f"Condition numbers of the KKT matrix: {usual:.1e} in the middle, {worst.condition:.1e} at most, with {worst.setting.name}"
+        out.append(f"{text}{f', where {max(digits, 0):.0f} of 16 digits are left' if worst.condition > LOST * usual else ''}.")
+    if failed:
+        out.append(f"No convergence with {listed(failed)}.")
+    return out

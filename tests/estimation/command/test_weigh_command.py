@@ -1,0 +1,99 @@
+"""`weigh` from the command line: what it writes, what it says, and that it goes on after an interrupt."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from friction_axis import FrictionAxis
+
+from backsight.estimation.command.cli import main
+
+STUDY = """model = "actuator"
+
+[parameters]
+"carriage.m" = 95.0
+"friction.d" = 200.0
+"friction.f_c" = { guess = 8.0, min = 0.0 }
+"offset.f" = { guess = 1.0 }
+
+[[recording]]
+file = "record.csv"
+time = "t_s"
+inputs = { F = "F_N" }
+outputs = { x = "x_m" }
+"""
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, axis = tmp_path_factory.mktemp("weigh"), FrictionAxis(seed=3)
+    pd.DataFrame({"t_s": axis.time, "F_N": axis.force, "x_m": axis.read}).to_csv(folder / "record.csv", index=False)
+    path = folder / "axis.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return path
+
+
+def test_the_study_is_written_with_its_settings_and_its_recommendation(study, capsys):
+    assert main(["weigh", str(study), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    result = json.loads((study.parent / "axis_weighed" / "result.json").read_text(encoding="utf-8"))
+    assert printed == result
+    assert result["command"] == "weigh"
+    low, high = result["recommended"]["V"]["x"]["interval"]
+    assert low / 1.1 < FrictionAxis.NOISE < 1.1 * high
+    low, high = result["recommended"]["W"]["carriage"]["interval"]
+    assert low < 1.5 * FrictionAxis.FORCE_STD
+    assert high > FrictionAxis.FORCE_STD / 1.5
+    assert result["recommended"]["W"]["carriage"]["p_zero"] < 0.05
+    names = [row["name"] for row in result["study"]]
+    assert {"greatest likelihood", "rule of magnitudes", "W x 10", "V of x x 0.1"} <= set(names)
+    best = result["study"][names.index("greatest likelihood")]
+    assert best["fit"]["x"]["balance"] == pytest.approx(1.0, abs=0.05)
+    assert best["condition"] > 1
+    assert set(result["influence"]["V of x"]) == {"friction.f_c", "offset.f"}
+    assert any("last third" in note for note in result["notes"])
+    estimates = pd.read_csv(study.parent / "axis_weighed" / "estimates.csv")
+    assert np.isfinite(estimates["carriage.v"]).all()
+    page = (study.parent / "axis_weighed" / "report.html").read_text(encoding="utf-8")
+    assert "L-curve" in page
+    assert "heatmap" in page
+    assert not (study.parent / ".axis_weighed.settings").exists()
+
+
+def test_an_interrupted_study_goes_on(study):
+    code = "import sys; from backsight.estimation.command.cli import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "weigh", str(study), "--out", str(study.parent / "again")]
+    kept = study.parent / ".again.settings"
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    began = time.monotonic()
+    while not (kept.is_dir() and len(list(kept.glob("*.json"))) > 3):
+        assert process.poll() is None
+        assert time.monotonic() - began < 300
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert str(kept) in said
+    assert not (study.parent / "again").exists()
+    finished = {path: path.stat().st_mtime_ns for path in kept.glob("*.json")}
+    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    assert (study.parent / "again" / "result.json").exists()
+    assert finished
+    assert not kept.exists()
+
+
+def test_a_study_without_anything_to_estimate_from_is_bad_input(study, capsys):
+    other = study.with_name("none.toml")
+    other.write_text(STUDY.replace('file = "record.csv"', 'file = "record.csv"\nrole = "held_out"'), encoding="utf-8")
+    assert main(["weigh", str(other)]) == 2
+    assert capsys.readouterr().err.startswith("error: ")
+    assert not [name for name in os.listdir(study.parent) if name.startswith((".none", "none_"))]

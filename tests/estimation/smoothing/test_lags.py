@@ -1,0 +1,153 @@
+"""Lags that no output shows: the rotors of a quadrotor, and a first-order drive before a mass that is measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from backsight.data.generators import quadrotor
+from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.horizons import output_stds
+from backsight.estimation.smoothing.lag_fit import fitted
+from backsight.estimation.smoothing.lags import Lags, lags_of, simulated
+from backsight.estimation.smoothing.meshing import follow_closely
+from backsight.estimation.smoothing.unseen import unseen_states
+from backsight.models import Dae, Model, compile_model
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, Torque
+from backsight.models.plants import PLANTS
+from backsight.models.signals import Lag
+
+ROTORS = [f"rotor_{i}.thrust" for i in (1, 2, 3, 4)]
+FREE = ("body.Ixx", "body.Iyy", "body.Izz", "rotor.tau", "rotor.gain")
+RUN = quadrotor.record(seed=21, conditions=replace(quadrotor.CONDITIONS, duration=12.0))
+
+
+def flight(factors: dict[str, float]) -> Problem:
+    """A flight with some of the quadrotor's parameters at guesses these factors off, held near them as a descent does."""
+    dae = compile_model(PLANTS["quadrotor"]())
+    true = {p.name: p.value for p in dae.parameters}
+    recording = Recording(name="flight", time=RUN.time, inputs=RUN.inputs, outputs=RUN.outputs, output_std=RUN.noise)
+    free = {name: Free(true[name] * f, min=0.0, std=2 * true[name] * f) for name, f in factors.items()}
+    return Problem(model=dae, recordings=[recording], parameters=free).plain
+
+
+def rows_of(problem: Problem) -> dict[int, int]:
+    return lags_of(problem.dae, set(unseen_states(problem)))
+
+
+def named(dae: Dae, rows: dict[int, int]) -> list[str]:
+    return [dae.states[i].name for i in rows]
+
+
+def test_rotors_are_lags_and_loads_behind_shafts_are_not():
+    problem = flight({})
+    assert named(problem.dae, rows_of(problem)) == ROTORS
+    unseen = {"string.dphi", "bha.omega"}
+    assert lags_of(compile_model(PLANTS["drillstring"]()), unseen) == {}  # the bit has a balance of first order, but the twist moves it
+    lagging = compile_model(PLANTS["drillstring"]().insert("input:V", Lag(tau=0.02)))
+    assert named(lagging, lags_of(lagging, {*unseen, "lag.y"})) == ["lag.y"]
+
+
+def test_thrusts_run_as_the_speeds_of_the_rotors_say():
+    """Between samples the root of a thrust goes exponentially to gain u; the simulator has it in closed form."""
+    problem = flight({})
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    run = Lags(problem.dae, rows_of(problem)).run(followed, 0, problem.values)
+    true = np.array([np.interp(run.times, RUN.time, RUN.truth[name]) for name in ROTORS])
+    later = run.times > 0.5
+    assert np.sqrt(np.mean((run.lag - true)[:, later] ** 2)) < 0.02 * np.std(true[:, later])
+    moved = simulated(Lags(problem.dae, rows_of(problem)), followed, problem.values)
+    _, x, _ = moved.at(0, run.times)
+    states = [q.name for q in problem.dae.states]
+    assert np.sqrt(np.mean((x[[states.index(name) for name in ROTORS]] - true) ** 2)) < 0.1 * np.std(true)
+
+
+def test_slopes_are_those_of_differences():
+    problem = flight(dict.fromkeys(("rotor.tau", "rotor.gain"), 1.5))
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    lags = Lags(problem.dae, rows_of(problem), problem.free)
+    run = lags.run(followed, 0, problem.values)
+    for k, i in enumerate(problem.free):
+        step = np.zeros(len(problem.values))
+        step[i] = 1e-5 * problem.values[i]
+        more, less = (lags.run(followed, 0, problem.values + s) for s in (step, -step))
+        assert run.lag_slope[:, :, k] == pytest.approx((more.lag - less.lag) / (2 * step[i]), rel=1e-4, abs=1e-5)
+        assert run.rate_slope[:, :, k] == pytest.approx((more.rate - less.rate) / (2 * step[i]), rel=1e-4, abs=1e-3)
+
+
+def test_lags_without_an_answer_leave_trajectories_as_they_are():
+    problem = flight({})
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    parameters = problem.values.copy()
+    parameters[[p.name for p in problem.dae.parameters].index("rotor.gain")] = np.nan
+    assert simulated(Lags(problem.dae, rows_of(problem)), followed, parameters) is followed
+    found, left = fitted(problem, rows_of(problem), followed, parameters)
+    assert np.array_equal(found, parameters, equal_nan=True)
+    assert left == 1.0
+
+
+@pytest.mark.parametrize("factors", list(product((1 / 3, 3.0), repeat=3)))
+def test_what_moves_the_quadrotor_is_found_along_the_samples(factors):
+    """Inertias, time constant and gain three times too large or too small, in any combination."""
+    inertia, tau, gain = factors
+    problem = flight(dict(zip(FREE, (inertia, inertia, 1 / inertia, tau, gain), strict=True)))
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    found, left = fitted(problem, rows_of(problem), followed, problem.values)
+    ratio = {p.name: float(found[i]) / p.value for i, p in enumerate(problem.dae.parameters) if p.name in FREE}
+    assert ratio == pytest.approx(dict.fromkeys(FREE, 1.0), abs=0.1)
+    assert left < 0.15
+
+
+TRUE = {"motor.J": 2e-3, "lag.tau": 0.05}  # with a damping that is known: the poles of both could be exchanged otherwise
+DAMPING = 0.02
+STEP, NOISE = 0.004, 1e-4
+
+
+def lagging() -> Model:
+    """A motor whose torque lags behind its command, and an encoder."""
+    return Model(
+        name="lagging",
+        components={
+            "source": Torque(),
+            "motor": Inertia(J=2e-3),
+            "bearing": RotationalDamper(d=DAMPING),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("source.flange", "motor.flange"),
+            ("encoder.flange", "motor.flange"),
+            ("motor.flange", "bearing.flange_a"),
+            ("bearing.flange_b", "ground.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi"},
+    ).insert("input:tau", Lag(tau=0.05))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("off", list(product((1 / 3, 3.0), repeat=2)))
+def test_a_torque_that_lags_behind_its_command_is_smoothed_from_guesses_three_times_off(off):
+    """The exact motion under a held command by the matrix exponential."""
+    (J, tau), d = TRUE.values(), DAMPING
+    block = np.zeros((4, 4))
+    block[:3] = [[0, 1, 0, 0], [0, -d / J, 1 / J, 0], [0, 0, -1 / tau, 1 / tau]]
+    step, rng = expm(block * STEP), np.random.default_rng(8)
+    t = np.arange(0.0, 4.0, STEP)
+    command = 0.05 * np.repeat(rng.uniform(-1, 1, 51), 20)[: len(t)]
+    x = np.zeros((len(t), 3))
+    for k in range(len(t) - 1):
+        x[k + 1] = step[:3, :3] @ x[k] + step[:3, 3] * command[k]
+    noisy = x[:, 0] + NOISE * rng.standard_normal(len(t))
+    recording = Recording(name="run", time=t, inputs={"tau": command}, outputs={"phi": noisy}, output_std={"phi": NOISE})
+    free = {name: Free(value * f, min=0.0) for (name, value), f in zip(TRUE.items(), off, strict=True)}
+    result = smooth(Problem(model=lagging(), recordings=[recording], parameters=free))
+    assert result.solver.converged
+    for name, true in TRUE.items():
+        estimate = result.parameters[name]
+        assert abs(estimate.value - true) < 4 * estimate.std, f"{name}: {estimate}"
+        assert estimate.std < 0.02 * true

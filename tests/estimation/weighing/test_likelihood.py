@@ -1,0 +1,151 @@
+"""The likelihood of the weights of a linear plant against that of the same Gaussian written out densely, and derivatives by differences."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+import truths
+from scipy.optimize import minimize
+from shaken import DEVIATION, DT, FORCE_STD, LINEAR, MEAN, PLANT, STD, TRUE, N, driven, simulated
+
+from backsight.estimation import Free, Known, Problem, Recording, Weights, smooth
+from backsight.estimation.smoothing.smoother import Settings
+from backsight.estimation.weighing.components import maximise, without
+from backsight.estimation.weighing.kkt import gauss_newton, sensitivity
+from backsight.estimation.weighing.likelihood import Likelihood
+from backsight.estimation.weighing.turned import Turned, turned
+
+
+def dense(y: np.ndarray, force_std: float, noise: float) -> float:
+    """log p(y | stds), exactly: y is Gaussian."""
+    A, B, G = LINEAR.matrices
+    phi, gamma = truths.discrete(A, B, DT)
+    Q = truths.noise_covariance(A, G, force_std**2, DT)
+    _, u = driven(N)
+    mean, covariance = [MEAN], np.zeros((2 * N, 2 * N))
+    covariance[:2, :2] = np.diag(DEVIATION**2)
+    for k in range(1, N):
+        mean.append(phi @ mean[-1] + gamma @ np.array([u[k - 1], 1.0]))
+        before, own = slice(0, 2 * k), slice(2 * k, 2 * k + 2)
+        covariance[own, before] = phi @ covariance[2 * k - 2 : 2 * k, before]
+        covariance[before, own] = covariance[own, before].T
+        covariance[own, own] = phi @ covariance[2 * k - 2 : 2 * k, 2 * k - 2 : 2 * k] @ phi.T + Q
+    S = covariance[::2, ::2] + noise**2 * np.eye(N)
+    e = y - np.array(mean)[:, 0]
+    return float(-0.5 * (np.linalg.slogdet(S)[1] + e @ np.linalg.solve(S, e)))
+
+
+def posed(y: np.ndarray, parameters: dict | None = None) -> tuple[Problem, Turned]:
+    """The problem, smoothed on a mesh of half the sampling interval with the true weights, and its knobs."""
+    time, u = driven(len(y))
+    problem = Problem(
+        model=PLANT,
+        recordings=[Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD})],
+        parameters=TRUE | (parameters or {}),
+        weights=Weights(W={"mass": FORCE_STD}),
+        initial={"mass.s": Known(MEAN[0], DEVIATION[0]), "mass.v": Known(MEAN[1], DEVIATION[1])},
+    )
+    return problem, turned(problem, smooth(problem, settings=Settings(step=DT / 2)))
+
+
+def at(knobs: Turned, theta: np.ndarray) -> Likelihood:
+    solution = knobs.solve(theta, newton=True)
+    return Likelihood(solution, [knobs.rows(f, theta) for f in range(len(theta))])
+
+
+def test_differences_of_the_likelihood_are_those_of_the_dense_gaussian():
+    y = simulated(1)
+    _, knobs = posed(y)
+    assert [w.label for w in knobs.weights] == ["W of mass", "V of x"]
+    here = at(knobs, np.zeros(2))
+    for theta in ([0.5, 0.0], [-0.7, 0.0], [0.0, 0.3], [0.4, -0.4]):
+        exact = dense(y, FORCE_STD * np.exp(theta[0]), STD * np.exp(theta[1])) - dense(y, FORCE_STD, STD)
+        assert at(knobs, np.array(theta)).value - here.value == pytest.approx(exact, abs=0.02 + 1e-3 * abs(exact))
+
+
+def test_the_slope_is_that_of_the_value_and_the_information_that_of_the_dense_gaussian():
+    y = simulated(2)
+    _, knobs = posed(y)
+    here, step = at(knobs, np.zeros(2)), 1e-3
+    for f in range(2):
+        shift = step * np.eye(2)[f]
+        slope = (at(knobs, shift).value - at(knobs, -shift).value) / (2 * step)
+        assert here.slope[f] == pytest.approx(slope, abs=1e-3 * np.sqrt(2 * here.counts[f]))
+    # the expected information of a Gaussian, 1/2 tr(S^-1 S_f S^-1 S_g), is what the average one is near to
+    assert np.allclose(here.information, here.information.T, rtol=1e-6)
+    assert here.information[1, 1] == pytest.approx(2 * here.freedom[1], rel=0.2)
+
+
+def test_the_weights_of_greatest_likelihood_are_those_of_the_dense_gaussian_with_their_deviations():
+    y = simulated(3)
+    _, knobs = posed(y)
+    best = maximise(knobs, np.array([1.0, -0.5]), np.ones(2, dtype=bool), gain=1e-5)
+    exact = minimize(lambda t: -dense(y, FORCE_STD * np.exp(t[0]), STD * np.exp(t[1])), np.zeros(2), method="Nelder-Mead", tol=1e-8).x
+    assert best.settled
+    assert np.all(np.abs(best.theta - exact) < 0.05 * best.std)
+    bend = 0.05
+    hessian = np.empty((2, 2))
+    for i in range(2):
+        for j in range(2):
+            a, b = bend * np.eye(2)[i], bend * np.eye(2)[j]
+            corners = [exact + a + b, exact + a - b, exact - a + b, exact - a - b]
+            values = [-dense(y, FORCE_STD * np.exp(t[0]), STD * np.exp(t[1])) for t in corners]
+            hessian[i, j] = (values[0] - values[1] - values[2] + values[3]) / (4 * bend**2)
+    assert best.std == pytest.approx(np.sqrt(np.diag(np.linalg.inv(hessian))), rel=0.15)
+
+
+def test_over_thirty_seeds_the_stds_are_right_and_their_intervals_hold_what_they_promise():
+    scores, errors = [], []
+    for seed in range(30):
+        _, knobs = posed(simulated(100 + seed))
+        best = maximise(knobs, np.zeros(2), np.ones(2, dtype=bool))
+        errors.append(best.theta)
+        scores.append(best.theta / best.std)
+    assert np.all(np.abs(np.median(np.expm1(errors), axis=0)) < 0.1)
+    assert np.count_nonzero(np.abs(scores) < 1.96) >= 52  # of 60, of which 57 are expected
+    assert 0.7 < np.std(scores) < 1.3
+
+
+def test_a_force_that_is_there_is_found_and_one_that_is_not_is_called_none():
+    moving = np.ones(2, dtype=bool)
+    _, knobs = posed(simulated(4))
+    assert without(knobs, maximise(knobs, np.zeros(2), moving), 0, moving)[0] < 1e-6
+    ps = []
+    for seed in range(12):
+        _, knobs = posed(simulated(200 + seed, force_std=0.0))
+        best = maximise(knobs, np.zeros(2), moving)
+        p, gone = without(knobs, best, 0, moving)
+        ps.append(p)
+        assert np.exp(gone) < 0.2
+    assert sum(p < 0.05 for p in ps) <= 2
+    assert sum(p > 0.3 for p in ps) >= 4  # under no force half of all have their greatest likelihood at none
+
+
+def test_sensitivities_of_states_and_parameters_are_those_of_solving_again():
+    _, knobs = posed(simulated(5), {"spring.k": Free(30.0), "damper.d": Free(1.0), "mass.m": Free(3.0)})
+    here, step = at(knobs, np.zeros(2)), 1e-3
+    found = sensitivity(here.solution, here.pulls)
+    for f in range(2):
+        shift = step * np.eye(2)[f]
+        ends = [knobs.solve(s, here.solution.solved.decisions, newton=True).solved.decisions for s in (shift, -shift)]
+        difference = (ends[0] - ends[1]) / (2 * step)
+        unit = here.solution.values.unit
+        assert np.linalg.norm((found[:, f] - difference) / unit) < 1e-4 * np.linalg.norm(difference / unit)
+
+
+def test_the_condition_number_is_that_of_the_dense_matrix():
+    _, knobs = posed(simulated(6, n=40))
+    kkt = gauss_newton(at(knobs, np.zeros(2)).solution)
+    K_, size = kkt.matrix.toarray(), np.ones(kkt.matrix.shape[0])
+    for _ in range(6):
+        size = size / np.sqrt(np.abs(K_ * np.outer(size, size)).max(axis=1))
+    assert kkt.condition == pytest.approx(np.linalg.cond(K_ * np.outer(size, size), 1), rel=0.5)
+
+
+def test_a_problem_goes_to_another_process_and_gives_the_same_there():
+    _, knobs = posed(simulated(7))
+    there = pickle.loads(pickle.dumps(knobs))
+    theta = np.array([0.3, -0.1])
+    assert np.array_equal(there.solve(theta).solved.decisions, knobs.solve(theta).solved.decisions)

@@ -1,0 +1,123 @@
+"""A study of the weights as a whole: what it recommends, in one process and in several, interrupted and gone on with."""
+
+from __future__ import annotations
+
+import os
+import signal
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shaken import FORCE_STD, PLANT, STD, TRUE, driven, simulated
+
+from backsight.estimation import Free, Problem, Recording, Weighing, Weights, weigh
+from backsight.estimation.weighing.store import Store
+
+
+def problem(weights: Weights | None = None, stds: float | None = None) -> Problem:
+    """Two runs of the oscillator, one held out, its spring and damper to be found."""
+    runs = []
+    for seed, role in ((11, "fit"), (12, "held_out")):
+        time, u = driven(300)
+        y = simulated(seed, n=300)
+        runs.append(Recording(name=role, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": stds}, role=role))
+    parameters = TRUE | {"spring.k": Free(30.0), "damper.d": Free(1.0)}
+    return Problem(model=PLANT, recordings=runs, parameters=parameters, weights=weights or Weights())
+
+
+@pytest.fixture(scope="module")
+def found() -> Weighing:
+    return weigh(problem())
+
+
+def test_the_weights_of_the_simulation_are_recommended(found):
+    for label, true in (("W of mass", FORCE_STD), ("V of x", STD)):
+        component = found.components[label]
+        low, high = component.interval
+        assert low < true < high
+        assert component.std == pytest.approx(true, rel=0.25)
+    assert found.components["W of mass"].p_zero < 1e-3
+    assert found.recommended.solver.converged
+    assert found.recommended.weights.W["mass"] == pytest.approx(FORCE_STD, rel=0.3)
+    assert abs(found.recommended.parameters["spring.k"].value - TRUE["spring.k"]) < 4 * found.recommended.parameters["spring.k"].std
+
+
+def test_every_setting_is_there_and_the_likeliest_leads(found):
+    names = [o.setting.name for o in found.outcomes]
+    assert len(set(names)) == len(names) >= 18
+    assert all(o.converged for o in found.outcomes)
+    best = next(o for o in found.outcomes if o.setting.name == "greatest likelihood")
+    assert all(o.log_likelihood <= best.log_likelihood + 0.01 for o in found.outcomes)
+    assert best.misfit["x"][1] == pytest.approx(1.0, abs=0.02)
+    assert best.force["mass"][1] == pytest.approx(1.0, abs=0.02)
+    path = sorted((o for o in found.outcomes if o.setting.group == "trade-off"), key=lambda o: o.setting.factor)
+    assert np.all(np.diff([o.misfit["x"][0] for o in path]) < 0)  # more room for forces, less misfit
+    assert np.all(np.diff([o.force["mass"][0] for o in path]) > 0)
+    assert min(o.held_out for o in (path[0], path[-1])) < best.held_out - 10
+
+
+def test_weights_that_are_a_hundred_times_off_end_where_the_others_do(found):
+    off = weigh(problem(Weights(W={"mass": 0.01 * FORCE_STD}), stds=100 * STD))
+    assert off.recommended.weights.W["mass"] == pytest.approx(found.recommended.weights.W["mass"], rel=0.01)
+    given = next(o for o in off.outcomes if o.setting.name == "as given")
+    assert given.weights["V of x"] == pytest.approx(100 * STD)
+    assert given.weights["W of mass"] == pytest.approx(0.01 * FORCE_STD)
+    ahead = [p.held_out["held_out"].window_rms["x"] for p in (off.recommended, found.recommended)]
+    assert ahead[0] == pytest.approx(ahead[1], rel=0.02)
+
+
+def test_two_processes_give_the_same_and_what_is_kept_is_not_solved_again(found, tmp_path):
+    keep = tmp_path / "kept"
+    side_by_side = weigh(problem(), jobs=2, keep=keep)
+    for one, other in zip(found.outcomes, side_by_side.outcomes, strict=True):
+        assert one.setting == other.setting
+        assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
+    files = sorted(keep.iterdir())
+    assert len(files) == len(found.outcomes)
+    files[0].write_text("{ torn", encoding="utf-8")
+    for path in files[1:]:
+        os.utime(path, (1, 1))
+    again = weigh(problem(), keep=keep)
+    assert files[0] in (solved := [p for p in files if p.stat().st_mtime > 10])
+    assert len(solved) <= 4  # a chain
+    assert [replace(o, seconds=0.0) for o in again.outcomes] == [replace(o, seconds=0.0) for o in side_by_side.outcomes]
+
+
+def test_a_store_tells_studies_apart(found, tmp_path):
+    outcome = found.outcomes[0]
+    Store(tmp_path, "one").put(outcome)
+    assert Store(tmp_path, "one").get(outcome.setting) == outcome
+    assert Store(tmp_path, "other").get(outcome.setting) is None
+    assert Store(None, "one").get(outcome.setting) is None
+
+
+def test_without_anything_held_out_a_third_is_and_that_is_said():
+    whole = problem()
+    alone = replace(whole, recordings=[whole.recordings[0]])
+    study = weigh(alone)
+    assert any("last third of fit" in note for note in study.notes)
+    assert list(study.recommended.held_out) == [name for name in study.recommended.held_out if name.startswith("fit from t = ")] != []
+
+
+@pytest.mark.slow
+def test_on_a_cluster_that_loses_a_worker_the_study_is_finished(found):
+    distributed = pytest.importorskip("distributed")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+        try:
+            killed = list[int]()
+
+            def say(text: str) -> None:
+                if text.startswith("setting 3") and not killed:
+                    pid = next(iter(cluster.workers.values())).pid
+                    os.kill(pid, signal.SIGKILL)
+                    killed.append(pid)
+
+            there = weigh(problem(), scheduler=cluster.scheduler_address, progress=say)
+        finally:
+            cluster.close()
+    assert killed
+    for one, other in zip(found.outcomes, there.outcomes, strict=True):
+        assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
