@@ -34,6 +34,11 @@ class Assembled:
         """The terms in numbers."""
         return Evaluated(self._nlp, self._blocks)
 
+    @cached_property
+    def linear_constraints(self) -> bool:
+        """Whether no constraint bends."""
+        return not any(block.curved for block in self._blocks if block.term.equality)
+
     # ---- expressions, one per term
 
     @cached_property

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
+from .feasible import start_on_constraints
 from .gauss_newton import descend
 from .nlp import Nlp, Values
 from .polynomials import Array
@@ -177,11 +178,12 @@ class Solver:
         )
 
     def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array) -> Solved:
+        low, high = here.scaled(lower), here.scaled(upper)
         answer = solver(
-            x0=np.zeros(self.nlp.size),
+            x0=start_on_constraints(self.nlp, here, low, high),
             p=here.packed(),
-            lbx=here.scaled(lower),
-            ubx=here.scaled(upper),
+            lbx=low,
+            ubx=high,
             lbg=0.0,
             ubg=0.0,
             lam_g0=multipliers,

@@ -6,8 +6,10 @@ So the residual forces get room for a share of the forces at their place, white 
     std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.32, 0.1, 0.03, 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
-velocity. Where lags brought parameters along (`lag_fit.py`) the way begins at the share that these leave over. A parameter is held near
-its first guess by a prior twice as wide as that, so that none runs away while little is known.
+velocity. Where lags brought parameters along (`lag_fit.py`) the way begins at the share that these leave over. Only a balance that tells
+what no output shows, whatever the guesses are (`telling.py`), is as tight as it will be from the beginning: then the others are fitted to
+forces and motions that are nearly known, and not to those of a wrong guess. A parameter is held near its first guess by a prior twice as
+wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
 becomes the problem's own. The first step holds the parameters: trajectories bend to where they fit the model before both are free. Where
 a step strains, samples and balances costing far more than while there was room, it is taken back and a smaller one tried: a friction law
@@ -20,7 +22,7 @@ counts:  least  cost + sum over intervals and places of log std_k.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +35,7 @@ from ..problem import Free, Problem
 from .along import forces
 from .program import Program, Settings, make_program, renewed
 from .rest import FrictionLaw, left_alone, rounded
+from .telling import telling_places
 from .unseen import complete, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
@@ -74,7 +77,8 @@ def approach(
     Widths of the laws that the user gave stay; those of the others end as they stand in `parameters`. least: place -> standard deviation
     that its residual force is given; it gets no less.
     """
-    hidden, near = bool(unseen_states(problem)), _near(problem)
+    near, telling = _near(problem), telling_places(problem)
+    hidden = bool(unseen_states(problem))
     rng, found = np.random.default_rng(0), []
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
@@ -82,8 +86,8 @@ def approach(
             say(f"another start, {number + 1} of {STARTS} at most")
             for i in problem.free:
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
-        begun, start, share = complete(near, followed, laws, start) if hidden else (followed, start, 1.0)
-        found.append(_descent(near, begun, laws, start, share, least, say))
+        begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
+        found.append(_descent(near, begun, laws, start, share, least, telling, say))
         if found[-1].share <= TIGHTEST:
             break
     best = min(found, key=lambda way: (way.share, way.unlikely))
@@ -99,9 +103,10 @@ def _descent(
     parameters: Array,
     share: float,
     least: Mapping[int, float],
+    telling: Collection[int],
     say: Callable[[str], None],
 ) -> Approach:
-    """One way from loose to tight; it ends where it strains."""
+    """One way from loose to tight, but for the telling places, which are tight throughout; it ends where it strains."""
     pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
@@ -117,7 +122,8 @@ def _descent(
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
         now = forces(near, followed, parameters)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
-        std = {k: max(share * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
+        shares = {k: TIGHTEST if k in telling else share for k in size}
+        std = {k: max(shares[k] * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
         if program is None or way is None:
             settings = Settings(options=OPTIONS, method="spline")
             program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)

@@ -58,7 +58,7 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
 def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
     """A smoothing problem with the parameters held and little room for the residual forces of the unseen."""
     nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
-    own = _moving_unseen(problem)
+    own = moving_unseen(problem)
     for share in ROUNDED:
         parameters = rounded(problem, laws, followed, start, share)
         # what moves what is seen may be anything yet: only the unseen is to go as the model says
@@ -75,7 +75,7 @@ def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ..
     return followed
 
 
-def _moving_unseen(problem: Problem) -> set[int]:
+def moving_unseen(problem: Problem) -> set[int]:
     """Places whose balances accelerate unseen states only."""
     dae = problem.dae
     unseen = {i for i, q in enumerate(dae.states) if q.name in set(unseen_states(problem))}

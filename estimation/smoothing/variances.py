@@ -31,7 +31,7 @@ LEAST_NOISE = 0.3  # of an output's noise where its differences show it: less is
 UNTOLD = 0.1  # of a row: what a family always has of freedom and of squares, so that one that nothing tells about stays as it is
 UNDECIDED = 0.3  # of the deviation of a log-likelihood's slope: a residual force's std that is nearer to its best cannot be told from it
 BOLDEST = 4.0  # times the fixed point's own step, at most
-STALLED = 1e-6  # relative change of the cost over a whole round: what is left is rounding
+STALLED = 0.1  # of the cost, a log-likelihood: a round of steps that saves less is half a deviation from its end, and squares do not notice
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
 CHOSEN = 0.05  # the share of its rows that the fit chooses then, at most
 FARTHEST, FARTHEST_DOWN = 30.0, 8.0  # largest factors of one round, up and down
@@ -85,7 +85,7 @@ def choose_weights(
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
-        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED * cost:
+        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED:
             continue  # on its way: the next round goes on from here
         if not (solution.solved.status.converged or solution.solved.status is Status.ITERATIONS):
             break

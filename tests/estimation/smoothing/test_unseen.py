@@ -9,9 +9,11 @@ import pytest
 from scipy.linalg import expm
 
 from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.telling import telling_places
 from backsight.estimation.smoothing.unseen import unseen_states
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
+from backsight.models.plants import drillstring
 
 TRUE = {"motor.J": 2e-3, "load.J": 8e-3, "shaft.k": 40.0, "shaft.d": 0.01, "bearing.d": 0.05}
 STEP, NOISE = 0.002, 1e-3
@@ -85,6 +87,30 @@ def test_what_no_output_shows_is_named():
 
 
 @pytest.mark.slow
+def drilling(*free: str) -> Problem:
+    time = np.linspace(0.0, 1.0, 11)
+    nothing = np.zeros(11)
+    recording = Recording(name="run", time=time, inputs={"V": nothing}, outputs={"I_m": nothing, "Omega_r": nothing})
+    return Problem(model=compile_model(drillstring()), recordings=[recording], parameters={name: Free(0.1) for name in free})
+
+
+@pytest.mark.parametrize(
+    ("free", "telling"),
+    [
+        (("string.k", "bha.J", "bha.d", "bit.tau_sl"), {"motor", "rotary_table"}),  # J_c Omega_r' = n Km I - B_r Omega_r - k dphi
+        (("bha.J", "rotary_table.J"), set()),  # a guess of J_c matters to that torque, however small the twist
+        ((), set()),
+    ],
+)
+def test_the_torque_of_the_string_is_told_by_balances_of_what_is_seen_if_no_guess_matters_there(free, telling):
+    posed = drilling(*free)
+    assert {posed.dae.places[k].name for k in telling_places(posed)} == telling
+
+
+def test_where_a_guess_says_how_the_unseen_is_seen_no_balance_tells_it():
+    assert telling_places(problem(1.0)[0]) == frozenset()  # J phi'' = tau - k (phi - phi_load): phi_load is not told without k
+
+
 @pytest.mark.parametrize("factor", [1 / 3, 3.0])
 def test_a_load_that_nobody_measured_is_found_from_guesses_three_times_off(factor):
     posed, load = problem(factor)
