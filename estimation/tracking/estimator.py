@@ -256,7 +256,7 @@ class Estimator:
             window.give_up(predicted)
             return replace(done, converged=False)
         found = bool(np.isfinite(done.missed))  # a step along which the cost falls
-        return replace(done, converged=done.converged or (found and (done.size <= USABLE or self.iterations == 1)))
+        return replace(done, converged=done.converged or done.size <= USABLE or (found and self.iterations == 1))
 
     # ---- what goes out
 

@@ -205,18 +205,18 @@ class Window:
         Where balances are tight the cost rises steeply along the straight line of a good step, by what that leaves of their curves. Along
         this curve they stay as the linear model has them (a second-order correction).
         """
-        at, balances = self.here, self._predicted.balances
-        out = at.moved(step, length)
-        now, there, dy, nx, own = at.stages, out.stages, step.stages, len(at.x), self.stage.interpolation.local
+        at, balances, straight = self.here, self._predicted.balances, self.here.moved(step, length)
+        now, there, dy, nx, own = at.stages, straight.stages, step.stages, len(at.x), self.stage.interpolation.local
+        x, inner = straight.x.copy(), straight.inner.copy()
         for k in range(self.count):
             e, J = balances(now[:, k], at.p, self.d[:, k])
             wanted = e[:, 0] + length * (J @ dy[:, k])
             wanted[: self._exact] = 0.0
             y = there[:, k].copy()
-            y[:nx] = out.x[:, k]
+            y[:nx] = x[:, k]
             y = self._predicted.solved(y, at.p, self.d[:, k], wanted)
-            out.inner[:, k], out.x[:, k + 1] = y[nx : own - nx], y[own - nx : own]
-        return out
+            inner[:, k], x[:, k + 1] = y[nx : own - nx], y[own - nx : own]
+        return Trajectory(x, inner, straight.p)
 
     def _searched(
         self, step: Trajectory, promise: float, cost: float, broken: float, weights: tuple[Array, Array], small: bool
@@ -229,13 +229,17 @@ class Window:
         """
         best, t = None, 1.0
         while t >= SHORTEST and np.isfinite(promise):
+            tried = list[tuple[bool, bool, tuple[float, float, Trajectory, Array, Array]]]()
             for way in (self.here.moved, self._rolled):
                 there = way(step, t)
                 e, last, open_ = self._errors(there, self.here.p)
                 now, closer = self._cost(there, e, last, *weights), open_ < broken / 4 or small
                 falls = now <= cost - SUFFICIENT * t * promise or closer
+                tried.append((falls, closer, (t, now, there, e, last)))
                 if falls:
                     break
+            # where neither falls the straight way tells the parabola
+            falls, closer, (_, now, there, e, last) = tried[-1] if tried[-1][0] else tried[0]
             if best is not None and now >= best[1]:
                 break
             if falls:

@@ -8,6 +8,7 @@ import numpy as np
 from friction_axis import FrictionAxis
 
 from backsight.estimation.tracking import Estimator, Outcome, Sample
+from backsight.ocp.moving.trajectory import Trajectory
 
 
 def test_a_gross_error_behind_samples_on_its_own_side_is_no_level():
@@ -48,3 +49,15 @@ def test_a_change_of_the_input_that_comes_too_late_is_no_matter():
         now, then = one.update(axis.sample(k)), other.update(axis.sample(k))
         np.testing.assert_array_equal(now.row(), then.row())
         one.hold(axis.sample(k).time - 0.004, {"F": 123.0})
+
+
+def test_a_step_along_a_curve_is_a_trajectory_of_its_own():
+    axis = FrictionAxis(count=40)
+    estimator = Estimator(axis.problem, samples=20, jit=False)
+    for k in range(40):
+        estimator.update(axis.sample(k))
+    window, rng = estimator.window, np.random.default_rng(1)
+    step = Trajectory(*(1e-3 * rng.standard_normal(part.shape) for part in (window.here.x, window.here.inner, window.here.p)))
+    found = window._rolled(step, 0.5)
+    np.testing.assert_array_equal(found.stages, Trajectory(found.x, found.inner, found.p).stages)
+    assert np.abs(found.x - window.here.moved(step, 0.5).x).max() > 1e-9
