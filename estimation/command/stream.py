@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from ..tracking import Estimate, Estimator
 
 
+LATE = 5  # rows in sequence whose time has passed: the clock
+
+
 def stream(
     study: Study, *, state: Path | None, iterations: int, jit: bool, as_json: bool, say: Callable[[str], None], warn: TextIO | None
 ) -> Estimator:
@@ -47,12 +50,18 @@ def stream(
         out.write(",".join([*_columns(estimator), "outcome"]) + "\n")
         out.flush()
     with _kept(estimator, state):
-        number = -1
+        number, late = -1, 0
         for row in _rows(reader, lines):
             check()
             number += math.isfinite(row.time) or every == 1
             if warn is not None and row.wrong:
                 warn.write("".join(f"warning: {wrong}\n" for wrong in row.wrong))
+                warn.flush()
+            late = late + 1 if _late(estimator, row) else 0
+            if warn is not None and late == LATE:
+                newest = estimator.newest or 0.0
+                what = f"its time {row.time:.9g} s is before {newest:.9g} s, that of the newest estimate, for the {LATE}th time in a row"
+                warn.write(f"warning: row {number + 1}: {what}; where the clock has started anew, start anew without the old --state\n")
                 warn.flush()
             with held():  # a step is done whole or not at all
                 text = _line(estimator, row, as_json) if number % every == 0 else _between(estimator, row)
@@ -62,6 +71,10 @@ def stream(
             except BrokenPipeError:  # who listened has gone
                 break
     return estimator
+
+
+def _late(estimator: Estimator, row: Row) -> bool:
+    return math.isfinite(row.time) and estimator.newest is not None and row.time < estimator.newest
 
 
 def _estimator(study: Study, state: Path | None, iterations: int, jit: bool, say: Callable[[str], None]) -> Estimator:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
+EVEN, UNEVEN = 0.95, 0.25  # share of intervals that are the usual one, to that share of it: then a longer one has lost rows
 LONGEST = 20.0  # times the usual interval: a step that long is a gap when nobody says what is
 
 
@@ -44,6 +45,21 @@ def runs(recording: Recording) -> list[slice]:
     time = recording.time
     edges = [0, *(np.flatnonzero(np.diff(time) > gap_limit(recording)) + 1).tolist(), len(time)]
     return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def lost_note(recording: Recording) -> str | None:
+    """What rows that are not there mean for this recording; None where the clock is uneven throughout, or no row is missing."""
+    if recording.drive is not None:
+        return None  # the inputs are known in between
+    steps = np.diff(recording.time) / recording.sampling
+    even, lost = np.abs(steps - 1.0) < UNEVEN, (steps > 1.0 + 2 * UNEVEN) & (np.diff(recording.time) <= gap_limit(recording))
+    if not lost.any() or np.mean(even) < EVEN:
+        return None
+    count, first = int(np.round(steps[lost] - 1.0).sum()), float(recording.time[:-1][lost][0])
+    rows = "1 row is missing" if count == 1 else f"{count} rows are missing, the first"
+    how = "keep their value" if recording.hold == "zero" else "run straight"
+    so = f"its inputs are taken to {how} until the next row, and if they did not a force is seen there"
+    return f"{recording.name}: {rows} after t = {first:.9g} s; {so}."
 
 
 def gap_note(recording: Recording) -> str | None:

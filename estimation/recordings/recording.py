@@ -130,6 +130,9 @@ class Recording:
         path = Path(path)
         label = name or path.name
         clock = InputColumn(time) if isinstance(time, str) else time
+        for k, c in (*inputs.items(), *outputs.items()):
+            if not isinstance(c, (str, InputColumn, OutputColumn)):
+                raise InputError(f"{label}: the column of {k} is {c!r}; give its name, or OutputColumn(name, unit=..., std=...)")
         drives = {k: InputColumn(c) if isinstance(c, str) else c for k, c in inputs.items()}
         sensors = {k: OutputColumn(c, std=(std or {}).get(k)) if isinstance(c, str) else c for k, c in outputs.items()}
         wanted = [c.column for c in (*drives.values(), *sensors.values())]

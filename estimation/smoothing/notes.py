@@ -11,7 +11,7 @@ from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
 
 from ..problem import Problem
-from ..recordings.gaps import gap_note
+from ..recordings.gaps import gap_note, lost_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed
@@ -38,7 +38,7 @@ def notes(
 ) -> tuple[str, ...]:
     """Notes on a run, a sentence or two each."""
     return (
-        *(note for r in problem.recordings if (note := gap_note(r))),
+        *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_the_start(problem.plain, run),
         *_on_forces(problem, run),
         *supposed_notes(problem),

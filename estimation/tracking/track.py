@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,7 @@ from backsight.ocp.moving.window import Update
 
 from ..problem import Problem, Weights
 from ..recordings.drive import drive_of
+from ..recordings.gaps import lost_note
 from ..recordings.recording import Recording
 from ..results import OutputFit, ParameterEstimate, SolverFacts
 from ..smoothing.columns import places
@@ -31,10 +32,10 @@ class Tracking:
     """What `track` gives back.
 
     estimates: recording -> one row per sample, each from the samples up to its own: t_s, outputs with .measured and .std, states, residual
-    forces (means over the last sampling interval), parameters and measured inputs, all with .std. parameters: as they stand at the end.
-    fit: of the estimates to the samples, judged by the errors of the predictions from sample to sample over their deviations. latency_ms:
-    median, p95, p99 and max of the time that an estimate took. failed_steps: solves that did not converge. outcomes: how many estimates
-    came about how.
+    forces (means over the last stage of the window, a sampling interval or a part of it), parameters and measured inputs, all with .std.
+    parameters: as they stand at the end. fit: of the estimates to the samples, judged by the errors of the predictions from sample to
+    sample over their deviations. latency_ms: median, p95, p99 and max of the time that an estimate took. failed_steps: solves that did not
+    converge. outcomes: how many estimates came about how.
     """
 
     model: str
@@ -97,7 +98,9 @@ def track(
         }
         unmeasured = [f"{q}.measured" for q in estimator.names.outputs if q not in recording.outputs]
         tables[recording.name] = table.drop(columns=unmeasured).assign(outcome=words)
-    return summary(estimator, tables, fit, build=build, seconds=clock.perf_counter() - began - build)
+    found = summary(estimator, tables, fit, build=build, seconds=clock.perf_counter() - began - build)
+    lost = [note for r in problem.recordings if r.role == "fit" and (note := lost_note(r))]
+    return replace(found, notes=(*lost, *found.notes))
 
 
 def followed(estimator: Estimator, recording: Recording) -> Iterator[Estimate]:

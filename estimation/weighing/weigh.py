@@ -86,11 +86,12 @@ def weigh(
         best, moving = _likeliest(knobs, given, say)
         components, theta = _components(knobs, best, moving, say)
         force = sizes(posed, best.solution)
-        candidates = {LIKELIHOOD: theta, FIRST: np.zeros_like(theta), RULE: magnitudes(knobs, posed, force)}
+        held = np.array([w.is_noise for w in knobs.weights]) & ~moving  # of these nothing was learnt: they are the same for all
+        candidates = {LIKELIHOOD: theta, FIRST: np.where(held, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
-        held = _held_out(posed, recordings, knobs, best, theta, say)
-        stand = Stand(fitted=knobs, held_out=held, start=best.solution.solved.decisions)
+        unseen = _held_out(posed, recordings, knobs, best, theta, say)
+        stand = Stand(fitted=knobs, held_out=unseen, start=best.solution.solved.decisions)
         outcomes = _solved(stand, settings(knobs.weights, candidates, theta), pool, ahead, keep, say)
     chosen, why = _recommended(outcomes)
     say("smoothing with the recommended weights")

@@ -111,6 +111,16 @@ def test_what_cannot_be_read_is_said_and_is_missing_and_no_row_stays_without_an_
     assert rows["carriage.s.std"][90] > rows["carriage.s.std"][89]
 
 
+def test_a_clock_that_starts_anew_is_said(folder, monkeypatch, capsys):
+    header, *lines = Path("record.csv").read_text().splitlines(keepends=True)
+    monkeypatch.setattr("sys.stdin", io.StringIO(header + "".join(lines[10:30] + lines[:8])))
+    assert main(["track", "study.toml", "--stdin"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.count("warning:") == 1
+    assert "for the 5th time in a row" in captured.err
+    assert captured.out.count(",late") == 8
+
+
 def test_json_is_one_object_per_row(folder, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", io.StringIO("".join(Path("record.csv").read_text().splitlines(keepends=True)[:30])))
     assert main(["track", "study.toml", "--stdin", "--json"]) == 0

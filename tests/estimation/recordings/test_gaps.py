@@ -11,7 +11,7 @@ import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.recordings.gaps import gap_note
+from backsight.estimation.recordings.gaps import gap_note, lost_note
 from backsight.models.errors import InputError
 
 MODEL, PLANT, STD = compiled(oscillator()), truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3
@@ -136,3 +136,15 @@ def test_a_gap_no_longer_than_the_sampling_interval_is_refused():
     time = np.arange(10) * 0.1
     with pytest.raises(InputError, match=r"gap = 0.05 s would cut between all rows; .* 0.1 s"):
         Recording(name="a", time=time, inputs={"F": time}, outputs={"x": time}, gap=0.05)
+
+
+def test_rows_that_are_missing_from_an_even_clock_are_said_and_an_uneven_clock_is_not_accused():
+    time = 0.01 * np.arange(200)
+    even = Recording(name="run", time=time, inputs={"F": 0 * time}, outputs={"x": 0 * time})
+    assert lost_note(even) is None
+    kept = np.delete(np.arange(200), [50, 120, 121])
+    said = lost_note(replace(even, time=time[kept], inputs={"F": time[kept]}, outputs={"x": time[kept]}))
+    assert said is not None
+    assert said.startswith("run: 3 rows are missing, the first after t = 0.49 s; its inputs are taken to keep their value")
+    uneven = np.cumsum(np.random.default_rng(1).uniform(0.005, 0.03, 200))
+    assert lost_note(replace(even, time=uneven)) is None
