@@ -86,7 +86,9 @@ def weigh(
         best, moving = _likeliest(knobs, given, say)
         components, theta = _components(knobs, best, moving, say)
         force = sizes(posed, best.solution)
-        held = np.array([w.is_noise for w in knobs.weights]) & ~moving  # of these nothing was learnt: they are the same for all
+        held = np.array([w.is_noise for w in knobs.weights]) & np.logical_not(
+            moving
+        )  # of these nothing was learnt: they are the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(held, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
