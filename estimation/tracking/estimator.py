@@ -182,7 +182,7 @@ class Estimator:
         """Stages from the newest sample to a time."""
         window, t = self.window, self.tuning
         start, end = (self.newest or 0.0) - self.origin, time - self.origin
-        count = t.stages * max(1, int(np.ceil((end - start) / (1.5 * t.sampling))))
+        count = t.stages * max(1, round((end - start) / t.sampling))
         edges = np.linspace(start, end, count + 1)
         forces = 1 / self._force_std
         for a, b in pairwise(edges.tolist()):
@@ -220,18 +220,19 @@ class Estimator:
         ny, filled = len(read), False
         at = time - self.origin
         if abs(at - window.newest[0]) <= near:
-            row, scale_row = window.newest[1 + len(self._inputs) :][:ny], window.newest[-ny:]
+            row, scale_row, stage = window.newest[1 + len(self._inputs) :][:ny], window.newest[-ny:], window.count
         else:
             found = np.flatnonzero(np.abs(window.d[1] - at) <= near)
             if not len(found):
                 return Outcome.LATE, unsolved, nothing
-            column = window.d[:, found[0]]
+            column, stage = window.d[:, found[0]], int(found[0])
             first = 2 + 2 * len(self._inputs)
             row, scale_row = column[first : first + ny], column[-ny:]
         for i in np.flatnonzero(np.isfinite(read) & (self._scales > 0) & (scale_row == 0)):
             row[i], scale_row[i], filled = read[i], self._scales[i], True
         if not filled:
             return Outcome.LATE, unsolved, nothing
+        window.reopen(stage)
         done = self._solved()
         return (Outcome.FILLED if done.converged else Outcome.FAILED), done, nothing
 

@@ -167,6 +167,11 @@ class Window:
             if known is not None and not np.all(np.isfinite(known.Rd)):
                 self.known[j] = None
 
+    def reopen(self, stage: int) -> None:
+        """What was known of the knots after a stage is not true any more: it has another sample, or another faith in one."""
+        for j in range(stage + 1, len(self.known)):
+            self.known[j] = None
+
     def _arrival(self, at: Trajectory) -> Array:
         first = self.known[0]
         if first is None:
@@ -400,6 +405,9 @@ class Window:
                 changed |= bool((faith[i, latest] != TRUSTED).any())
                 faith[i, latest] = TRUSTED
             changed |= bool(agreeing.any())
+        rejudged = np.flatnonzero((faith[:, :-1] != self.faith).any(axis=0))
+        if len(rejudged):
+            self.reopen(int(rejudged[0]))
         self.faith, self.faith_newest = faith[:, :-1], faith[:, -1].copy()
         return changed
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from friction_axis import FrictionAxis
 
+from backsight.estimation import Free
 from backsight.estimation.tracking import Estimator, Outcome, Sample
 from backsight.ocp.moving.trajectory import Trajectory
 
@@ -61,3 +63,27 @@ def test_a_step_along_a_curve_is_a_trajectory_of_its_own():
     found = window._rolled(step, 0.5)
     np.testing.assert_array_equal(found.stages, Trajectory(found.x, found.inner, found.p).stages)
     assert np.abs(found.x - window.here.moved(step, 0.5).x).max() > 1e-9
+
+
+@pytest.mark.parametrize("update", ["smoothing", "filtering"])
+@pytest.mark.parametrize("late", [1, 3])
+def test_samples_that_come_late_in_the_end_tell_what_they_would_have_told_in_time(update, late):
+    """Without friction the axis is linear, and what is learnt does not depend on when."""
+    axis = FrictionAxis(count=120)
+    problem = axis.posed({"friction.f_c": 0.0, "offset.f": Free(1.0)})
+    whole, torn = (Estimator(problem, samples=20, update=update, jit=False) for _ in range(2))
+    waiting = []
+    for k in range(120):
+        now = whole.update(axis.sample(k))
+        if 30 <= k < 30 + late:
+            held = axis.sample(k)
+            waiting.append(held)
+            torn.hold(held.time, held.inputs)  # the input is known in time
+            continue
+        then = torn.update(axis.sample(k))
+        while waiting and k > 30:
+            assert torn.update(waiting.pop(0)).outcome is Outcome.FILLED
+        if k == 119:
+            np.testing.assert_allclose(then.states, now.states, atol=1e-3 * now.states_std.min())
+            np.testing.assert_allclose(then.parameters, now.parameters, atol=1e-3 * now.parameters_std.min())
+            np.testing.assert_allclose(then.parameters_std, now.parameters_std, rtol=1e-4)
