@@ -46,6 +46,7 @@ TOLERANCE = 0.02  # standard deviations: what the last one may still move
 USABLE = 0.3  # standard deviations: where all steps are used up and the last one moved no more than this, the estimate serves
 WIDE = 2.0  # prior of a parameter of which only a guess is given, over that guess: few samples do not carry it away
 EXACT = 1e-9  # of a state's nominal size: what is known exactly
+WILD = 100.0  # times the largest value recorded: an input without limits is no input, but an error of the line
 ABSURD = 1e100  # deviations: a mark that there is no sample, and none
 SAME = 1e-6  # of the sampling interval: times that are one
 MOVING = (Outcome.ESTIMATED, Outcome.PREDICTED, Outcome.DOUBTED, Outcome.FAILED)  # outcomes of a sample that follows the last one
@@ -106,6 +107,14 @@ class Estimator:
         # the clock's own start would cost digits; only a model that knows the time needs it
         self._timed = ca.depends_on(ca.vertcat(dae.residual, dae.output), dae.t)
         self.origin, self._anew = 0.0, False
+        largest = [max(float(np.max(np.abs(r.inputs[name]), initial=0.0)) for r in posed.fitted) for name in self._inputs]
+        self._largest = np.array(
+            [
+                WILD * most if most > 0 and name not in posed.fitted[0].limits else np.inf
+                for name, most in zip(self._inputs, largest, strict=True)
+            ]
+        )
+        self.wild = 0  # values of inputs that were left out
         self.latency, self.counts = Latency(), dict.fromkeys(Outcome, 0)
         self.estimate: Estimate | None = None
         self.steps = 0
@@ -347,9 +356,12 @@ class Estimator:
         return both[:, 0].copy(), both[:, 1].copy()
 
     def _acting(self, commands: Mapping[str, float]) -> Array:
-        """The inputs (nu,) as the actuators can do them."""
+        """The inputs (nu,) as the actuators can do them; one beyond all reason is missing."""
         limits = self.problem.fitted[0].limits
         u = self._vector(commands, self._inputs, "input")
+        wild = np.abs(u) > self._largest
+        self.wild += int(np.count_nonzero(wild))
+        u[wild] = np.nan
         return np.array([cut(value, limits.get(name)) for name, value in zip(self._inputs, u.tolist(), strict=True)])
 
     @staticmethod

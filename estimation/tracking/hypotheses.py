@@ -118,7 +118,7 @@ class Bank:
         for h in hypotheses:
             recent = [(int(at / self._sampling), phase) for at, phase in h.changes if at > now - LATELY * self._sampling]
             alike.setdefault((h.phase, *recent), []).append(h)
-        merged = sorted((_merged(group) for group in alike.values()), key=lambda h: -h.weight)
+        merged = sorted((merged(group) for group in alike.values()), key=lambda h: -h.weight)
         kept = [h for h in merged[: self.keep] if h.weight >= np.log(MASS) + merged[0].weight]
         total = np.logaddexp.reduce([h.weight for h in kept])
         return [replace(h, weight=float(h.weight - total)) for h in kept]
@@ -188,7 +188,7 @@ def _moved(flow: Flow, belief: Belief, start: float, end: float, interval: Inter
     return belief
 
 
-def _merged(group: list[Hypothesis]) -> Hypothesis:
+def merged(group: list[Hypothesis]) -> Hypothesis:
     """One Gaussian of the same mean and variance, with the past of the likeliest."""
     best = max(group, key=lambda h: h.weight)
     if len(group) == 1:

@@ -30,7 +30,7 @@ from ..recordings.gaps import gap_limit
 from .cut import LEAST
 from .driven import Driven
 from .estimate import Sample
-from .hypotheses import Bank, Hypothesis, Interval, edges
+from .hypotheses import Bank, Hypothesis, Interval, edges, merged
 from .phase_models import PhaseModels
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -191,8 +191,9 @@ class PhaseEstimator:
         first, before = self._models.first(), self._bank.hypotheses
         if before:
             nx, mean, root = len(self.problem.dae.states), first.mean.copy(), first.root.copy()
-            mean[nx:], root[nx:] = before[0].belief.mean[nx:], 0.0
-            root[nx:, nx:] = triangular_root(before[0].belief.root[nx:])
+            learnt = merged(before).belief
+            mean[nx:], root[nx:] = learnt.mean[nx:], 0.0
+            root[nx:, nx:] = triangular_root(learnt.root[nx:])
             first = Belief(mean=mean, root=root)
         self._driven.clear()
         phases = list(product((0, 1, -1), repeat=len(self.laws)))

@@ -20,7 +20,7 @@ from ..results import OutputFit, ParameterEstimate, SolverFacts
 from ..smoothing.columns import places
 from ..validation.fit import output_fit
 from .estimate import Estimate, Outcome, Sample, columns
-from .estimator import ITERATIONS, SAMPLES, Estimator
+from .estimator import ITERATIONS, SAMPLES, WILD, Estimator
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -178,6 +178,10 @@ def _units(estimator: Estimator) -> dict[str, str]:
 
 def _notes(estimator: Estimator) -> tuple[str, ...]:
     said = [*estimator.tuning.notes, *estimator.notes]
+    if estimator.wild:
+        said.append(
+            f"{estimator.wild} values of inputs were {WILD:g} times as large as any recorded, and taken as missing; limits say what can be."
+        )
     more = {
         Outcome.FAILED: "solves did not converge; the estimates there are predictions",
         Outcome.RESTARTED: "gaps, after which the states started anew",

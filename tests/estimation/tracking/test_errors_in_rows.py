@@ -87,3 +87,16 @@ def test_samples_that_come_late_in_the_end_tell_what_they_would_have_told_in_tim
             np.testing.assert_allclose(then.states, now.states, atol=1e-3 * now.states_std.min())
             np.testing.assert_allclose(then.parameters, now.parameters, atol=1e-3 * now.parameters_std.min())
             np.testing.assert_allclose(then.parameters_std, now.parameters_std, rtol=1e-4)
+
+
+@pytest.mark.parametrize("wild", [1e6, -1e300])
+def test_one_wild_input_is_missing_and_no_more(wild):
+    axis = FrictionAxis(count=300)
+    one, other = (Estimator(axis.problem, samples=50, jit=False) for _ in range(2))
+    for k in range(300):
+        sample = axis.sample(k)
+        spoilt, missing = ({"F": bad} if k == 200 else sample.inputs for bad in (wild, float("nan")))
+        now = one.update(Sample(time=sample.time, inputs=spoilt, outputs=sample.outputs))
+        then = other.update(Sample(time=sample.time, inputs=missing, outputs=sample.outputs))
+        np.testing.assert_array_equal(now.row(), then.row())
+    assert one.wild == 1
