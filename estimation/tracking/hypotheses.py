@@ -118,8 +118,8 @@ class Bank:
         for h in hypotheses:
             recent = [(int(at / self._sampling), phase) for at, phase in h.changes if at > now - LATELY * self._sampling]
             alike.setdefault((h.phase, *recent), []).append(h)
-        merged = sorted((merged(group) for group in alike.values()), key=lambda h: -h.weight)
-        kept = [h for h in merged[: self.keep] if h.weight >= np.log(MASS) + merged[0].weight]
+        likely = sorted((merged(group) for group in alike.values()), key=lambda h: -h.weight)
+        kept = [h for h in likely[: self.keep] if h.weight >= np.log(MASS) + likely[0].weight]
         total = np.logaddexp.reduce([h.weight for h in kept])
         return [replace(h, weight=float(h.weight - total)) for h in kept]
 
