@@ -50,10 +50,11 @@ def stream(
         out.write(",".join([*_columns(estimator), "outcome"]) + "\n")
         out.flush()
     with _kept(estimator, state):
-        number, late = -1, 0
+        late = 0
         for row in _rows(reader, lines):
             check()
-            number += math.isfinite(row.time) or every == 1
+            estimator.rows += math.isfinite(row.time) or every == 1
+            number = estimator.rows - 1
             if warn is not None and row.wrong:
                 warn.write("".join(f"warning: {wrong}\n" for wrong in row.wrong))
                 warn.flush()

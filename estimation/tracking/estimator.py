@@ -118,6 +118,7 @@ class Estimator:
         self.latency, self.counts = Latency(), dict.fromkeys(Outcome, 0)
         self.estimate: Estimate | None = None
         self.steps = 0
+        self.rows = 0  # of a stream so far, of which `every` takes some
         self._predicted = self.window.here, self.window.ahead
 
     # ---- what comes in
@@ -302,6 +303,13 @@ class Estimator:
             **{name: value for name, (value, _) in read.items()},
             **{f"{name}_std": deviation for name, (_, deviation) in read.items()},
         )
+
+    def read_again(self) -> None:
+        """The newest estimate, of an estimator that was saved."""
+        if self.newest is not None:
+            nothing = np.full(len(self._outputs), np.nan)
+            done = Solve(iterations=0, converged=True, size=0.0, missed=0.0)
+            self.estimate = self._read(Outcome.ESTIMATED, done, nothing, clock.perf_counter(), moved=False)
 
     # ---- the start
 

@@ -74,6 +74,7 @@ def save(estimator: Estimator, path: str | Path) -> None:
         "longest": estimator.latency.longest,
         "counts": {outcome.name: n for outcome, n in estimator.counts.items()},
         "steps": estimator.steps,
+        "rows": estimator.rows,
     }
     arrays["facts"] = np.array(json.dumps(facts))
     try:
@@ -159,7 +160,10 @@ def _fill(estimator: Estimator, arrays: dict[str, Any], facts: dict[str, Any]) -
     estimator.latency.counts, estimator.latency.longest = arrays["latency"], facts["longest"]
     estimator.counts = {outcome: facts["counts"].get(outcome.name, 0) for outcome in Outcome}
     estimator.steps, estimator.newest, estimator.origin = facts["steps"], facts["time"], facts["origin"]
+    estimator.rows = facts["rows"]
     estimator.layout.gone, estimator.readings.guess, estimator.room.doubt = arrays["gone"], arrays["guess"], arrays["doubt"]
+    estimator.read_again()
+    estimator.readings.guess = arrays["guess"]
 
 
 def _layout(estimator: Estimator) -> list[list[str]]:

@@ -95,6 +95,24 @@ def test_stopped_and_resumed_the_stream_goes_on_exactly(folder, monkeypatch, cap
     pd.testing.assert_frame_equal(pd.concat([first, second], ignore_index=True), whole, rtol=0, atol=0)
 
 
+def test_stopped_between_two_rows_that_count_it_goes_on_with_the_right_one(folder, monkeypatch, capsys):
+    header, *lines = Path("record.csv").read_text().splitlines(keepends=True)
+    Path("third.toml").write_text(Path("study.toml").read_text().replace('time = "t_s"', 'time = "t_s"\nevery = 3'))
+
+    def rows(part, *more):
+        monkeypatch.setattr("sys.stdin", io.StringIO(header + "".join(part)))
+        assert main(["track", "third.toml", "--stdin", *more]) == 0
+        return pd.read_csv(io.StringIO(capsys.readouterr().out))
+
+    whole = rows(lines)
+    first, second = rows(lines[:151], "--state", "t.npz"), rows(lines[151:], "--state", "t.npz")
+    pd.testing.assert_frame_equal(pd.concat([first, second], ignore_index=True), whole, rtol=0, atol=0)
+    before = rows(lines[:31], "--state", "u.npz")
+    again = rows(["n/a,1.0,2.0\n"] * 3, "--state", "u.npz")
+    assert again["outcome"].tolist() == ["late"] * 3
+    assert again["carriage.s"].tolist() == [before["carriage.s"].iloc[-1]] * 3
+
+
 def test_what_cannot_be_read_is_said_and_is_missing_and_no_row_stays_without_an_estimate(folder, monkeypatch, capsys):
     header, *lines = Path("record.csv").read_text().splitlines(keepends=True)
     lines = lines[:120]
