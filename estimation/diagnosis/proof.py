@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from backsight.models import SolveError
+from backsight.ocp import Options
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import linearise
 
@@ -31,6 +32,7 @@ from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.prediction import noise, of_one_more
+from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
 from ..smoothing.smoother import smooth
 from ..supposed import noisy_inputs
@@ -43,6 +45,7 @@ Index = NDArray[np.int64]
 Case = tuple[Problem, Smoothing]
 Progress = Callable[[str], None]
 
+ROUGHLY = Settings(check_mesh=False, options=Options(tolerance=1e-3))  # states to a thousandth of their deviation
 SPANS = (0.05, 0.25)  # s
 LONGEST = 0.1  # of the recording: the dominant time constant counts up to there
 WHOLE = 0.25  # of the recording: a window longer than that is none
@@ -102,7 +105,7 @@ class _Side:
             initial={name: k for name, k in problem.start.items() if k.always},
             bounds=problem.bounds,
         )
-        smoothed = smooth(fixed)
+        smoothed = smooth(fixed, settings=ROUGHLY)
         if smoothed.solution is None or not smoothed.solver.converged:
             raise SolveError(f"what was held out could not be smoothed: {smoothed.solver.status.rstrip('.')}")
         return cls(fixed, smoothed)

@@ -271,8 +271,9 @@ class _Step:
                 if not worse.any():
                     break
                 factor[worse] /= 2.0
-            U[:, :, todo] = V + factor * d
-            done = fine & (after < SETTLED * TOLERANCE) & (factor == 1.0)
+            left = after * np.minimum(after / np.maximum(before, 1e-300), 1.0)  # once that correction is made too: it contracts
+            done = fine & (left < SETTLED * TOLERANCE) & (factor == 1.0)
+            U[:, :, todo] = V + factor * d + np.where(done, second, 0.0)
             solved[todo[done]] = True
             todo = todo[fine & ~done]
         return U[:, :nx], U[:, nx:], solved
