@@ -191,6 +191,22 @@ def weigh(
     return run_weigh(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
 
 
+@app.command()
+def diagnose(
+    study: StudyArgument,
+    out: Out = None,
+    jobs: Jobs = 1,
+    scheduler: Scheduler = None,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> int:
+    """Find what the model leaves out: where it is, what it is, how sure that is, and what could not have been seen."""
+    from .commands import Options, run_diagnose
+
+    return run_diagnose(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+
+
 def _report(error: Exception) -> int:
     """Say in one line what went wrong, and return the status that means it."""
     if os.environ.get("BACKSIGHT_TRACEBACK") == "1":

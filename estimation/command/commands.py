@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..study.study import Study
 from ..workers import check_jobs
+from .diagnosis_json import result_of_diagnosis
 from .interrupt import check, kept
 from .output import json_text, results_folder, write_estimates, write_result
 from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking, result_of_weighing
-from .terminal import console, parameter_table, simulation_table, tracking_table, weight_table
+from .terminal import console, diagnosis_table, parameter_table, simulation_table, tracking_table, weight_table
 
 if TYPE_CHECKING:
+    from ..diagnosis import Diagnosis
     from ..results import Smoothing
 
 DONE, NO_CONVERGENCE = 0, 3
@@ -130,6 +132,28 @@ def run_weigh(path: Path, options: Options) -> int:
     return DONE if found.recommended.solver.converged else NO_CONVERGENCE
 
 
+def run_diagnose(path: Path, options: Options) -> int:
+    """Find what a study's model leaves out. Finished parts stay in a hidden folder beside the results until these are written."""
+    from ..diagnosis import diagnose
+    from ..report import write_diagnosis_report
+
+    check_jobs(options.jobs)
+    study, out = Study.read(path), options.out or _named_after(path, "_diagnosed")
+    keep = out.with_name(f".{out.name}.parts")
+    with results_folder(out) as folder, _progress(options) as say:
+        say("reading the study")
+        kept(keep)
+        found: Diagnosis = diagnose(study.problem(), jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
+        say("writing the report")
+        result = result_of_diagnosis(found)
+        write_result(result, folder / "result.json")
+        write_estimates(found.after.estimates, folder / "estimates.csv")
+        write_diagnosis_report(found, folder / "report.html")
+    shutil.rmtree(keep, ignore_errors=True)
+    _say(options, result, lambda: diagnosis_table(found), out)
+    return _converged(found.after, out)
+
+
 def print_models(name: str | None, *, json: bool) -> int:
     """The list of plants, or all about one of them."""
     from .catalogue import catalogue, description, details
@@ -176,10 +200,15 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled
         write_estimates(answer.estimates, folder / "estimates.csv")
         write_report(answer, folder / "report.html", recordings=problem.recordings)
     _say(options, result, lambda: parameter_table(answer), out)
-    if not answer.solver.converged:
-        sys.stderr.write(f"error: no convergence: {answer.solver.status.rstrip('.')}; what there is, is in {out}, marked\n")
-        return NO_CONVERGENCE
-    return DONE
+    return _converged(answer, out)
+
+
+def _converged(answer: Smoothing, out: Path) -> int:
+    """The status that means it, with a line on standard error where it did not."""
+    if answer.solver.converged:
+        return DONE
+    sys.stderr.write(f"error: no convergence: {answer.solver.status.rstrip('.')}; what there is, is in {out}, marked\n")
+    return NO_CONVERGENCE
 
 
 def _named_after(study: Path, ending: str = "") -> Path:

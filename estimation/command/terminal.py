@@ -11,6 +11,7 @@ from rich.table import Table
 from ..results import DOUBT, TELLING
 
 if TYPE_CHECKING:
+    from ..diagnosis import Diagnosis
     from ..results import OutputFit, Smoothing
     from ..simulation import Simulation
     from ..tracking import Tracking
@@ -59,6 +60,24 @@ def weight_table(found: Weighing) -> Table:
         low, high = c.interval
         p = "" if c.p_zero is None else f"{c.p_zero:.2g}"
         table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", f"{low:.3g} .. {high:.3g}", p)
+    return table
+
+
+def diagnosis_table(found: Diagnosis) -> Table:
+    """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, and the proof."""
+    from ..diagnosis.words import numbers, sentence, when
+
+    table = Table(title=f"{found.after.model}: {escape(sentence(found))}", title_justify="left", box=None, pad_edge=False)
+    for heading in ("finding", "", "when", "p"):
+        table.add_column(heading)
+    for f in found.findings:
+        table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), f"{f.p_value:.2g}")
+        for rival in f.rivals:
+            table.add_row(escape(f"  or {rival.words}"), escape(numbers(rival.parameters)))
+    if held := found.held_out:
+        for name, errors in held.before.items():
+            spans = ", ".join(f"{rms:.3g} to {held.after[name].windows[s]:.3g} over {s:.3g} s" for s, rms in errors.windows.items())
+            table.add_row(escape(f"held out: error of {name} [{errors.unit}]"), spans)
     return table
 
 

@@ -162,13 +162,13 @@ def _states(
                 time=head.piece.time[head.told],
                 inputs={name: u[head.told] for name, u in head.piece.inputs.items()},
                 outputs={name: y[head.told] for name, y in head.outputs.items()},
-                output_std={name: _noise(problem, result, recording, name) for name in head.outputs},
+                output_std={name: noise(problem, result, recording, name) for name in head.outputs},
                 role="fit",
                 gap=np.inf,
                 part=part,
             )
         )
-    varying = _of_heads(problem, result)
+    varying = of_one_more(problem, result)
     parameters: dict[str, Free | float] = {p.name: varying.get(p.name, result.value(p.name)) for p in problem.dae.parameters}
     fixed = Problem(
         model=problem.dae,
@@ -192,14 +192,14 @@ def _states(
     return tables, own
 
 
-def _noise(problem: Problem, result: Smoothing, recording: Recording, output: str) -> float | None:
+def noise(problem: Problem, result: Smoothing, recording: Recording, output: str) -> float | None:
     """Its deviation in a recording: as the problem gives it, else as the fitted recordings told it; None where none has that output."""
     given = problem.weights.noise(output, recording.name) or recording.output_std.get(output)
     return given if given is not None else result.weights.V.get(output)
 
 
-def _of_heads(problem: Problem, result: Smoothing) -> dict[str, Free]:
-    """What a head may suppose of a parameter that varies: that it is one more of the values that were found, in time or of a recording."""
+def of_one_more(problem: Problem, result: Smoothing) -> dict[str, Free]:
+    """What may be supposed elsewhere of a parameter that varies: one more of the values that were found, in time or of a recording."""
     found = {}
     for name, free in problem.varying.items():
         if free.drift is not None:

@@ -125,7 +125,9 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
     choice, remeshed = work.chosen(program, meshed.least_std, stds), False
     if settings.step is None and _moved(choice, force_std):
         choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
-    checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
+    checked = Checked(solution=choice.solution)
+    if settings.check_mesh:
+        checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)

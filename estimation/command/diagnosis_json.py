@@ -1,0 +1,79 @@
+"""result.json of `diagnose`: that of smoothing with the repaired model, the verdict, its proof, and what could not have been seen."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Literal
+
+from .result_json import result_of_smoothing
+
+if TYPE_CHECKING:
+    from ..diagnosis import Diagnosis, Explanation, Finding, HeldOut, Tried
+
+
+def result_of_diagnosis(found: Diagnosis) -> dict[str, Any]:
+    """The content of result.json for `diagnose`."""
+    from ..diagnosis.words import sentence
+
+    return result_of_smoothing(found.after, command="diagnose") | {
+        "verdict": found.verdict,
+        "why": sentence(found),
+        "findings": [_finding(f) for f in found.findings],
+        "held_out": None if found.held_out is None else _held_out(found.held_out),
+        "not_detectable": [
+            {"place": u.place, "physics": u.physics, "parameter": u.parameter, "minimum_strength": u.strength, "unit": u.unit}
+            for u in found.undetectable
+        ],
+        "tried": [_tried(t) for t in found.tried],
+        "notes": list(dict.fromkeys((*found.notes, *found.after.notes))),
+        "seconds": found.seconds,
+        "seed": found.seed,
+    }
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    return {
+        "place": f.explanation.place,
+        "family": f.explanation.family,
+        "physics": f.explanation.physics,
+        "parameters": {name: asdict(strength) for name, strength in f.explanation.parameters.items()},
+        "regime": f.regime,
+        "onset_s": f.onset,
+        "share_of_force": f.share,
+        "p_value": f.p_value,
+        "log_evidence_gain": f.gain,
+        "alternatives": [{**_which(e), "log_evidence_gap": e.gap} for e in f.alternatives],
+        "ambiguous_with": [_which(e) for e in f.rivals],
+        "would_separate": f.separates or None,
+        "model_change": f.change,
+    }
+
+
+def _which(e: Explanation) -> dict[str, Any]:
+    return {"place": e.place, "physics": e.physics}
+
+
+def _tried(t: Tried) -> dict[str, Any]:
+    return {**_which(t.explanation), "predicted_gain": t.predicted, "log_evidence_gain": t.fitted, "refused": t.refused or None}
+
+
+def _held_out(held: HeldOut) -> dict[str, Any]:
+    units = {name: errors.unit for name, errors in held.before.items()}
+    return {
+        "before": _errors(held, "before"),
+        "after": _errors(held, "after"),
+        "improvement_percent": held.improvement_percent,
+        "p_value": held.p_value,
+        "attainable_percent": held.attainable_percent,
+        "blocks": held.blocks,
+        "recordings": list(held.recordings),
+        "role": held.role,
+        "units": units | {f"residual.{place}": unit for place, (_, _, unit) in held.force.items()},
+    }
+
+
+def _errors(held: HeldOut, side: Literal["before", "after"]) -> dict[str, dict[str, float]]:
+    """Output -> horizon [s] -> rms of the prediction error; "residual.<place>" -> rms of its residual force."""
+    table = held.before if side == "before" else held.after
+    found = {name: {f"{span:.4g}": rms for span, rms in errors.windows.items()} for name, errors in table.items()}
+    return found | {f"residual.{place}": {"rms": then if side == "after" else first} for place, (first, then, _) in held.force.items()}

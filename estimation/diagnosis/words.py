@@ -1,0 +1,84 @@
+"""A diagnosis in words: one sentence for the verdict, and short ones for numbers that the terminal and the page share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ..wording import listed
+from .verdict import Diagnosis, Explanation, Finding, HeldOut, Strength
+
+CERTAIN = 0.05  # p-value from which on a gain on what was held out may be chance
+
+
+def sentence(found: Diagnosis) -> str:
+    """The verdict: The model leaves out coulomb friction at carriage (f_c = 20.31 ± 0.12 N). Held out: prediction errors 71 % smaller."""
+    return f"{_verdict(found)}{gain(found.held_out)}"
+
+
+def _verdict(found: Diagnosis) -> str:
+    names = [named(f.explanation) for f in found.findings]
+    if found.verdict == "none" or not names:
+        if found.verdict in ("none", "parameter", "sensor", "input", "missing_physics"):
+            return "Nothing is missing: no effect in the library stands out of these recordings."
+        return "Something is missing, and these recordings do not tell what."
+    what = listed(names)
+    match found.verdict:
+        case "parameter":
+            return f"A given value is wrong: {listed([numbers(f.explanation.parameters) or f.explanation.place for f in found.findings])}."
+        case "sensor":
+            return f"A sensor does not read what the model supposes: {what}."
+        case "input":
+            return f"An input does not act as it was recorded: {what}."
+        case "unknown_physics":
+            return (
+                f"Something is missing at {listed([f.explanation.place for f in found.findings])} that no member of the library explains."
+            )
+        case "undecided":
+            rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
+            return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."
+    return f"The model leaves out {what}."
+
+
+def named(explanation: Explanation) -> str:
+    """Coulomb friction at carriage (f_c = 20.31 ± 0.12 N)."""
+    strengths = numbers(explanation.parameters)
+    return f"{explanation.words} ({strengths})" if strengths else explanation.words
+
+
+def numbers(parameters: Mapping[str, Strength]) -> str:
+    """f_c = 20.31 ± 0.12 N, v_s = 0.0102 ± 0.0011 m/s."""
+    return ", ".join(f"{name} = {with_deviation(s)}" for name, s in parameters.items())
+
+
+def with_deviation(s: Strength) -> str:
+    """20.31 ± 0.12 N: two digits of the deviation; five of a value without one."""
+    unit = f" {s.unit}" if s.unit not in ("", "1") else ""
+    if s.std is None or not (math.isfinite(s.std) and s.std > 0):
+        return f"{s.value:.5g}{unit}"
+    digits = 1 - math.floor(math.log10(s.std))
+    if not -3 <= digits <= 6:
+        return f"{s.value:#.{min(12, _digits(s))}g} ± {s.std:#.2g}{unit}"
+    return f"{s.value:.{max(digits, 0)}f} ± {s.std:.{max(digits, 0)}f}{unit}"
+
+
+def _digits(s: Strength) -> int:
+    """Significant digits of the value that its deviation leaves."""
+    size, std = abs(s.value), s.std or 1.0
+    return 2 if not size > std else 2 + math.floor(math.log10(size)) - math.floor(math.log10(std))
+
+
+def gain(held: HeldOut | None) -> str:
+    """What the repair is worth on what was held out."""
+    if held is None or not math.isfinite(held.improvement_percent):
+        return ""
+    size, where = held.improvement_percent, listed(held.recordings) or held.role
+    less = f"{abs(size):.3g} % {'smaller' if size >= 0 else 'larger'}"
+    chance = "" if not math.isfinite(held.p_value) else f" (p = {held.p_value:.2g})"
+    return f" On {where}, which the fit has not seen, prediction errors are {less} with it{chance}." if size else ""
+
+
+def when(finding: Finding) -> str:
+    """From 2.4 s on, while it moves forwards."""
+    since = "" if finding.onset is None else f"from {finding.onset:.4g} s on"
+    return ", ".join(part for part in (since, finding.regime) if part)

@@ -1,0 +1,237 @@
+"""The page of a diagnosis, in the order of an engineer's questions: what is missing, where, when, what else was tried, what is it worth on
+recordings that the fit has not seen, and what could not have been seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from backsight.models import Model
+
+from ..diagnosis.words import numbers, sentence, when, with_deviation
+from .answer import code, joined
+from .diagnosis_figures import held_out_charts, mismatch_chart, mismatch_scatter, window_chart
+from .document import document, drawn, save
+from .graph import Mark, drawing
+from .quantities import NOTHING, number, pretty, quantity, uncertain
+from .tables import facts, table
+
+if TYPE_CHECKING:
+    from ..diagnosis import Diagnosis, Errors, Finding, HeldOut, Tried
+
+__all__ = ["write_diagnosis_report"]
+
+LISTED = 30  # candidates in the table of what was tried
+
+
+def write_diagnosis_report(found: Diagnosis, path: str | Path) -> None:
+    """Write the page of a diagnosis to `path`: one HTML file that opens without a network."""
+    sections = [
+        ("where", "Where", _where(found)),
+        ("when", "When, and what it goes with", _when(found)),
+        ("what", "What it is", _what(found)),
+        ("tried", "What was tried", _tried(found)),
+        ("held-out", "Before and after, on what the fit has not seen", _held_out(found)),
+        ("parameters", "Parameters before and after", _parameters(found)),
+        ("limits", "What could not have been seen", _limits(found)),
+        ("notes", "Notes", _notes(found)),
+    ]
+    page = document(
+        title=f"{found.after.model}: what the model leaves out",
+        sub="Located, named, modelled, and proven on what the fit has not seen",
+        lead=f"<p class=answer>{escape(sentence(found))}</p>{_doubts(found)}",
+        sections=sections,
+    )
+    save(page, path)
+
+
+def _doubts(found: Diagnosis) -> str:
+    """What a reader must know before trusting the verdict."""
+    said = []
+    if not found.after.solver.converged:
+        said.append(f"The solver stopped early with the repaired model: {escape(found.after.solver.status)}")
+    for f in found.findings:
+        if f.rivals:
+            others = joined([escape(r.words) for r in f.rivals])
+            apart = f" What would tell them apart: {escape(f.separates)}." if f.separates else ""
+            said.append(f"These recordings cannot tell {escape(f.explanation.words)} from {others}.{apart}")
+    held = found.held_out
+    if found.findings and held is None:
+        said.append("Nothing was held out: the repair is not proven on other data.")
+    elif found.findings and held is not None and not held.p_value < 0.05:
+        said.append(f"What was held out does not confirm the repair (p = {number(held.p_value, 2)}).")
+    items = "".join(f"<li>{s}</li>" for s in said)
+    return f"<div class=odd><b>Mind</b><ul>{items}</ul></div>" if said else ""
+
+
+def _where(found: Diagnosis) -> str:
+    """The model's components with the guilty place marked, and the residual force of every place."""
+    residuals = _residuals(found)
+    if not isinstance(found.repaired.model, Model):
+        return residuals
+    marks = {place: Mark("", f"residual {quantity(r.rms, r.unit)}") for place, r in found.before.residual_places.items()}
+    rivals = [r.place for f in found.findings for r in f.rivals]
+    for kind, places in (("rival", rivals), ("guilty", [f.explanation.place for f in found.findings])):
+        for place in places:
+            marks[place] = Mark(kind, marks.get(place, Mark()).text)
+    framed = [f"The bold frame is where the model lacks something: {', '.join(f.explanation.place for f in found.findings)}."]
+    framed = framed if found.findings else ["No place is marked: nothing is missing that these recordings show."]
+    dashed = [f"A dashed one would explain these recordings as well: {', '.join(dict.fromkeys(rivals))}."] if rivals else []
+    caption = f"The model with what was found in it, driven from the left. {' '.join([*framed, *dashed])} "
+    caption += "Beneath a place is the rms of the force that the model as declared leaves unexplained there."
+    return drawing(found.repaired.model, marks, caption=caption) + residuals
+
+
+def _residuals(found: Diagnosis) -> str:
+    rows = []
+    for place, r in found.before.residual_places.items():
+        then = found.after.residual_places.get(place)
+        follows = NOTHING if r.follows is None else f"{r.follows.what} (correlation {number(r.follows.correlation, 2)})"
+        rows.append([place, quantity(r.rms, r.unit), quantity(then.rms, then.unit) if then else NOTHING, follows])
+    head = ["place", "residual force, model as declared", "with the repair", "at first it goes with"]
+    return table(head, rows, words=(0, 3)) if rows else ""
+
+
+def _when(found: Diagnosis) -> str:
+    """The residual force at the guilty places over time, and against what it may hang on."""
+    by_place: dict[tuple[str, str], list[int]] = {}
+    for k, m in enumerate(found.mismatch):
+        by_place.setdefault((m.place, m.recording), []).append(k)
+    parts = []
+    for number_, ((place, recording), which) in enumerate(by_place.items()):
+        chosen = [found.mismatch[k] for k in which]
+        onsets = [f.onset for f in found.findings if f.explanation.place == place and f.onset is not None]
+        told = [when(f) for f in found.findings if f.explanation.place == place]
+        said = f"<p>{escape(f'It acts: {joined(told)}.')}</p>" if told else ""
+        parts.append(f"<h3>{code(place)} on {code(recording)}</h3>{said}")
+        parts.append(drawn(mismatch_chart(chosen, onsets, label=f"mismatch_{number_}")))
+        parts.append(drawn(mismatch_scatter(chosen, label=f"mismatch_against_{number_}")))
+    return "".join(parts)
+
+
+def _what(found: Diagnosis) -> str:
+    if not found.findings:
+        return ""
+    head = ["effect", "place", "strength", "acts", "share of the force there", "p", "evidence [nats]", "change of the model"]
+    rows = [_finding(f) for f in found.findings]
+    said = table(head, rows, words=(0, 1, 2, 3, 7), codes=(1, 7))
+    note = (
+        "p: chance of as much evidence anywhere in the library if nothing were missing. Evidence: logarithm of how much likelier the "
+        "recordings are with the effect than without, all parameters estimated again in both."
+    )
+    return said + f"<p class=note>{note}</p>"
+
+
+def _finding(f: Finding) -> list[str]:
+    share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} %"
+    e = f.explanation
+    return [_words(e.physics), e.place, numbers(e.parameters) or NOTHING, when(f), share, _p(f.p_value), number(f.gain, 4), f.change]
+
+
+def _tried(found: Diagnosis) -> str:
+    if not found.tried:
+        return ""
+    chosen = {(f.explanation.place, f.explanation.physics) for f in found.findings}
+    rivals = {(r.place, r.physics) for f in found.findings for r in f.rivals}
+
+    def fate(t: Tried) -> str:
+        which = (t.explanation.place, t.explanation.physics)
+        if which in chosen:
+            return "accepted"
+        if which in rivals:
+            return t.refused or "cannot be told from what was accepted"
+        return t.refused or ("less evidence" if t.fitted is not None else "not fitted: too little to gain")
+
+    rows = [
+        [_words(t.explanation.physics), t.explanation.place, number(t.predicted, 3), number(t.fitted, 4), fate(t)]
+        for t in found.tried[:LISTED]
+    ]
+    head = ["effect", "place", "gain foreseen [nats]", "gain when fitted [nats]", "what became of it"]
+    more = len(found.tried) - LISTED
+    note = f"<p class=note>{more} more were tried and promised less.</p>" if more > 0 else ""
+    return table(head, rows, words=(0, 1, 4), codes=(1,)) + note
+
+
+def _held_out(found: Diagnosis) -> str:
+    held = found.held_out
+    if held is None:
+        return ""
+    rows = [row for name, errors in held.before.items() for row in _errors(name, errors, held)]
+    said = (
+        f"Windows of {joined([code(r) for r in held.recordings]) or escape(held.role)} are predicted with the inputs alone, from the "
+        "state at their first row, by the model as declared with its parameters fitted again and by the repaired one. Prediction "
+        f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), p = {escape(_p(held.p_value))} "
+        f"from {held.blocks} blocks."
+    )
+    if held.attainable_percent is not None:
+        said += f" That is {number(held.attainable_percent, 3)} % of what a force that is free there would gain."
+    head = ["output", "over", "rms error before", "after", "change"]
+    forces = [[place, quantity(a, unit), quantity(b, unit)] for place, (a, b, unit) in held.force.items()]
+    return (
+        f"<p>{said}</p>{table(head, rows)}{drawn(window_chart(held))}"
+        + "".join(drawn(chart) for chart in held_out_charts(found))
+        + (table(["residual force of smoothing at", "before", "after"], forces) if forces else "")
+    )
+
+
+def _errors(name: str, before: Errors, held: HeldOut) -> list[list[str]]:
+    after, rows = held.after.get(name), []
+    for span, rms in before.windows.items():
+        then = after.windows.get(span) if after is not None else None
+        change = NOTHING if then is None or not rms > 0 else _change(100 * (1 - then / rms))
+        rows.append([name, quantity(span, "s"), quantity(rms, before.unit), quantity(then, before.unit), change])
+    return rows
+
+
+def _parameters(found: Diagnosis) -> str:
+    """All that was estimated in either, and the parameters of what was found."""
+    rows = []
+    for name in dict.fromkeys([*found.before.parameters, *found.after.parameters]):
+        pair = [result.parameters.get(name) for result in (found.before, found.after)]
+        if all(p is None or p.fixed for p in pair):
+            continue
+        told = [NOTHING if p is None else "fixed" if p.fixed and p.value == 0 else _estimate(p.value, p.std) for p in pair]
+        unit = next(p.unit for p in pair if p is not None)
+        rows.append([name, *told, pretty(unit)])
+    said = table(["parameter", "model as declared", "with the repair", "unit"], rows, words=(0, 3)) if rows else ""
+    own = [[f.explanation.words, n, with_deviation(s)] for f in found.findings for n, s in f.explanation.parameters.items()]
+    return said + (table(["of the finding", "parameter", "estimate"], own, words=(0, 1, 2), codes=(1,)) if own else "")
+
+
+def _estimate(value: float, std: float | None) -> str:
+    text, deviation = uncertain(value, std)
+    return f"{text} ± {deviation}" if std is not None and np.isfinite(std) else text
+
+
+def _limits(found: Diagnosis) -> str:
+    if not found.undetectable:
+        return ""
+    rows = [
+        [_words(u.physics), u.place, u.parameter, quantity(u.strength, u.unit) if np.isfinite(u.strength) else "these recordings show none"]
+        for u in found.undetectable
+    ]
+    said = "An effect that is weaker than this would have gone unnoticed in these recordings, so nothing is said about it."
+    return f"<p>{said}</p>" + table(["effect", "place", "of", "least strength that shows"], rows, words=(0, 1, 2), codes=(1, 2))
+
+
+def _notes(found: Diagnosis) -> str:
+    notes: Sequence[str] = list(dict.fromkeys((*found.notes, *found.after.notes)))
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    pairs = [("candidates", str(len(found.tried))), ("time", quantity(found.seconds, "s")), ("seed of the draws", str(found.seed))]
+    return (f"<ul class=notes>{items}</ul>" if items else "") + facts([*pairs, ("last solve", found.after.solver.status)])
+
+
+def _words(physics: str) -> str:
+    return physics.replace("_", " ")
+
+
+def _change(percent: float) -> str:
+    return f"{number(abs(percent), 3)} % {'smaller' if percent >= 0 else 'larger'}"
+
+
+def _p(p: float) -> str:
+    return "< 0.0001" if p < 1e-4 else number(p, 2)

@@ -1,0 +1,173 @@
+"""`diagnose` from the command line: what it writes of a diagnosis, what it says, and its exit status."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from diagnoses import diagnosis
+
+from backsight.data import path as bundled
+from backsight.estimation import Problem
+from backsight.estimation import diagnosis as package
+from backsight.estimation.command.cli import main
+from backsight.estimation.command.diagnosis_json import result_of_diagnosis
+from backsight.estimation.diagnosis import Diagnosis, Explanation, Strength
+from backsight.estimation.diagnosis.words import sentence, with_deviation
+from backsight.models import InputError
+
+STUDY = f"""model = "actuator"
+
+[parameters]
+"carriage.m" = {{ guess = 90.0 }}
+"friction.f_c" = 0.0
+
+[[recording]]
+file = '{bundled("axis_fit.csv.gz")}'
+time = "t_s"
+range = [0.0, 1.0]
+inputs = {{ F = "F_N" }}
+outputs = {{ x = {{ column = "x_m", std = 1e-6 }} }}
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "axis.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return path
+
+
+class Diagnoser:
+    """Stands in for the search, which has tests of its own; remembers what it was asked."""
+
+    def __init__(self, found: Diagnosis | BaseException) -> None:
+        self.found, self.asked = found, {}
+
+    def __call__(self, problem: Problem, **options) -> Diagnosis:
+        self.asked = {"problem": problem, **options}
+        options["keep"].mkdir()
+        (options["keep"] / "part").write_text("finished")
+        if isinstance(self.found, BaseException):
+            raise self.found
+        return self.found
+
+
+@pytest.fixture
+def search(monkeypatch: pytest.MonkeyPatch) -> Diagnoser:
+    one = Diagnoser(diagnosis())
+    monkeypatch.setattr(package, "diagnose", one, raising=False)
+    return one
+
+
+def test_the_verdict_is_written_with_its_findings_its_proof_and_its_limits(study, search, capsys):
+    assert main(["diagnose", str(study), "--json", "--jobs", "2"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    folder = study.parent / "axis_diagnosed"
+    assert json.loads((folder / "result.json").read_text(encoding="utf-8")) == printed
+    assert search.asked["jobs"] == 2
+    assert search.asked["scheduler"] is None
+    assert search.asked["keep"] == study.parent / ".axis_diagnosed.parts"
+    assert [r.time[-1] for r in search.asked["problem"].recordings] == [1.0]
+    assert printed["command"] == "diagnose"
+    assert printed["verdict"] == "missing_physics"
+    (finding,) = printed["findings"]
+    found = diagnosis().findings[0]
+    strength = found.explanation.parameters["f_c"]
+    assert (finding["place"], finding["family"], finding["physics"]) == ("carriage", "friction", "coulomb_friction")
+    assert finding["parameters"] == {"f_c": {"value": strength.value, "std": strength.std, "unit": "N"}}
+    assert finding["onset_s"] is None
+    assert (finding["regime"], finding["share_of_force"], finding["p_value"]) == ("whole record", 0.34, 0.005)
+    assert finding["log_evidence_gain"] == 812.0
+    assert finding["alternatives"] == [{"place": "carriage", "physics": "stribeck_friction", "log_evidence_gap": 6.4}]
+    assert finding["ambiguous_with"] == [{"place": "input:F", "physics": "input_dead_zone"}]
+    assert finding["model_change"] == found.change
+    held = printed["held_out"]
+    assert held["before"] == {"x": {"0.05": 4e-6, "0.25": 1.6e-5, "1.5": 3.6e-5}, "residual.carriage": {"rms": 8.0}}
+    assert held["after"]["residual.carriage"] == {"rms": 0.4}
+    assert (held["improvement_percent"], held["p_value"]) == (75.0, 0.001)
+    assert held["units"] == {"x": "m", "residual.carriage": "N"}
+    assert printed["not_detectable"][0]["minimum_strength"] == 2e-5
+    assert printed["not_detectable"][1]["minimum_strength"] is None  # infinite
+    assert printed["parameters"]["friction.f_c"]["value"] == strength.value
+    assert {"recordings", "weights", "fit", "solver", "version", "model"} <= set(printed)
+    assert printed["seed"] == 7
+    assert printed["notes"][0] == "The noise of x is that given."
+    assert "carriage.v" in pd.read_csv(folder / "estimates.csv")
+    assert "coulomb friction at carriage" in (folder / "report.html").read_text(encoding="utf-8")
+    assert not (study.parent / ".axis_diagnosed.parts").exists()
+
+
+def test_the_terminal_has_the_verdict_first(study, search, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["diagnose", str(study)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("actuator: The model leaves out coulomb friction at carriage (f_c = ")
+    assert "or input dead zone at input:F" in printed
+    assert "axis_diagnosed/report.html" in printed
+    assert main(["diagnose", str(study), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_an_interrupt_keeps_what_is_finished_and_a_bad_problem_writes_nothing(study, search, capsys):
+    search.found = KeyboardInterrupt()
+    assert main(["diagnose", str(study)]) == 130
+    assert str(study.parent / ".axis_diagnosed.parts") in capsys.readouterr().err
+    assert (study.parent / ".axis_diagnosed.parts" / "part").exists()
+    (study.parent / ".axis_diagnosed.parts" / "part").unlink()
+    (study.parent / ".axis_diagnosed.parts").rmdir()
+    search.found = InputError("nothing to learn from")
+    assert main(["diagnose", str(study)]) == 2
+    assert capsys.readouterr().err == "error: nothing to learn from\n"
+    assert "axis_diagnosed" not in os.listdir(study.parent)
+
+
+def test_without_convergence_what_there_is_is_written_and_marked(study, search, capsys):
+    search.found = replace(diagnosis(), after=replace(diagnosis().after, solver=replace(diagnosis().after.solver, converged=False)))
+    assert main(["diagnose", str(study), "--quiet"]) == 3
+    assert "no convergence" in capsys.readouterr().err
+    assert (study.parent / "axis_diagnosed" / "result.json").exists()
+
+
+def said(verdict: str, **changes) -> str:
+    finding = replace(diagnosis().findings[0], **changes)
+    return sentence(replace(diagnosis(), verdict=verdict, findings=(finding,), held_out=None))
+
+
+def test_every_verdict_is_one_sentence():
+    rival = Explanation(place="input:F", family="actuator", physics="input_offset")
+    m = Strength(value=95.1, std=0.52, unit="kg")
+    mass = Explanation(
+        place="carriage",
+        family="parameter",
+        physics="wrong_parameter",
+        parameters={"carriage.m": m},
+    )
+    assert said("parameter", explanation=mass) == "A given value is wrong: carriage.m = 95.10 ± 0.52 kg."
+    assert said("undecided", rivals=(rival,)).endswith("which it is: coulomb friction at carriage and input offset at input:F.")
+    assert said("unknown_physics") == "Something is missing at carriage that no member of the library explains."
+    assert sentence(replace(diagnosis(), verdict="none", findings=(), held_out=None)).startswith("Nothing is missing")
+    with_proof = sentence(diagnosis())
+    assert "On held.csv, which the fit has not seen, prediction errors are 75 % smaller with it (p = 0.001)." in with_proof
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "text"),
+    [
+        (20.314159, 0.1234, "N", "20.31 ± 0.12 N"),
+        (1234567.0, 4321.0, "N/m", "1234567 ± 4321 N/m"),
+        (3.0e-9, 2.0e-10, "1", "3.00e-09 ± 2.0e-10"),
+        (0.25, None, "rad", "0.25 rad"),
+        (0.25, float("inf"), "", "0.25"),
+    ],
+)
+def test_a_strength_has_the_digits_that_its_deviation_leaves(value, std, unit, text):
+    assert with_deviation(Strength(value=value, std=std, unit=unit)) == text
+
+
+def test_a_diagnosis_without_a_proof_says_null():
+    assert result_of_diagnosis(replace(diagnosis(), held_out=None))["held_out"] is None
