@@ -85,16 +85,8 @@ def _component(slide: str, turn: str, **values: float) -> Callable[[str, Motion]
 
 
 # word of a sliding law -> that of a turning one
-TURNED = {
-    "f_c": "tau_c",
-    "f_s": "tau_s",
-    "v_s": "omega_s",
-    "f_plus": "tau_plus",
-    "f_minus": "tau_minus",
-    "f_sl": "tau_sl",
-    "f_st": "tau_st",
-}
-TURNED |= {"f": "tau", "m": "J", "s_rel0": "phi_rel0"}
+TURNED = {"f_c": "tau_c", "f_s": "tau_s", "v_s": "omega_s", "f_plus": "tau_plus", "f_minus": "tau_minus"}
+TURNED |= {"f": "tau", "m": "J"}
 
 AGAINST_GROUND: tuple[Law, ...] = (
     Law(family="friction", physics="viscous_friction", make=_component("Friction", "RotationalFriction"), strengths=("d",)),
@@ -182,17 +174,17 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
     """The law at a place."""
     component = _rounded(law.make(spot.kind, motion), motion)
     name = _free(model, f"{law.label or law.physics}_{spot.name}")
-    own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in (*law.strengths, "v_s", "period", "amplitude")}
+    words = (*law.strengths, "v_s", "period", "amplitude")
+    own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
     there = at_hand(model, spot, tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c"})) if len(spot.flanges) == 1 else {}
     absorbed = {}
-    for word, strengths in law.absorbs.items():
-        base = there.get(word) or there.get(TURNED.get(word, word))
-        if base:
-            absorbed[base] = " ".join(f"{name}.{own.get(w, w)}" for w in strengths.split())
+    for word, instead in law.absorbs.items():
+        for base in (*there.get(word, ()), *there.get(TURNED.get(word, ""), ())):
+            absorbed[base] = " ".join(f"{name}.{own.get(w, w)}" for w in instead.split())
     shapes = {f"{name}.{own.get(word, word)}": grid for word, grid in law.shapes(motion).items()}
     declared = component.declared_parameters
     strengths = tuple(f"{name}.{own[w]}" for w in law.strengths)
-    words = [own[w] for w in law.strengths] + [own.get(w, w) for w in law.shapes(motion)] + [w for w in (law.ratio, law.quadrature) if w]
+    said = [own[w] for w in law.strengths] + [own.get(w, w) for w in law.shapes(motion)] + [w for w in (law.ratio, law.quadrature) if w]
     return Candidate(
         place=spot.name,
         family=law.family,
@@ -206,7 +198,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
         | ({f"{name}.{law.quadrature}": (0.0, -3 * pi, 3 * pi)} if law.quadrature else {}),
         absorbs=absorbed,
         ratio=f"{name}.{law.ratio}" if law.ratio else None,
-        named={NAMES.get(w, w): f"{name}.{w}" for w in words},
+        named={NAMES.get(w, w): f"{name}.{w}" for w in said},
     )
 
 

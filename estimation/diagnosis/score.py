@@ -7,12 +7,13 @@ parameters projected out, as every hypothesis must have its own,
     [G b; b' c] = [s r]'[s r] - q'K^-1 q,     q = [J'[s r]; [s_g g]],  K = [J'J A'; A 0]
     a^ = -G^-1 b,    cov a^ = G^-1,    2 log(likelihood ratio) = b'G^-1 b
 
-(C. R. Rao, Proc. Cambridge Phil. Soc. 44, 1948; nothing is differentiated and regressed). b ~ N(0, G) where nothing is missing and the weights
-are right. Entries of G between candidates tell which of them these recordings can tell apart.
+(C. R. Rao, Proc. Cambridge Phil. Soc. 44, 1948; nothing is differentiated and regressed). b ~ N(0, G) where nothing is
+missing and the weights are right. Entries of G between candidates tell which of them these recordings can tell apart.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -42,9 +43,9 @@ class Columns:
     def __len__(self) -> int:
         return self.squares.shape[1]
 
-    def taken(self, columns: Array) -> Columns:
+    def taken(self, columns: Sequence[int]) -> Columns:
         """Some of them."""
-        return Columns(squares=self.squares[:, columns], multiplied=self.multiplied[:, columns])
+        return Columns(squares=self.squares[:, list(columns)], multiplied=self.multiplied[:, list(columns)])
 
     @staticmethod
     def joined(parts: list[Columns]) -> Columns:
@@ -115,7 +116,7 @@ class Enlarged:
 
     def __init__(self, base: Linearised, dae: Dae, strengths: list[int], horizons: tuple[Horizon, ...], parameters: Array) -> None:
         self._base, self._dae, self._strengths = base, dae, strengths
-        s, t = base.solution, base.solution.transcription
+        t = base.solution.transcription
         names, places = [p.name for p in dae.parameters], [p.name for p in dae.places]
         free = [names.index(t.dae.parameters[i].name) for i in t.nlp.free]
         count = len(free) + len(strengths)
@@ -175,11 +176,10 @@ class Enlarged:
             own = nlp.interpolation.local + len(nlp.free) - n
             return nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:]
         rows, width = nlp.interpolation.rows, term.data.shape[0] // term.places
-        m, total = self._slopes[number].size1_out(0), 0.0
+        m = self._slopes[number].size1_out(0)
         weights = np.eye(term.places) if term.moments is None else term.moments
         out = np.zeros((weights.shape[1], m, n, term.columns))
         mapped = self._slopes[number].map(term.columns)
-        del total
         for place in range(term.places):
             v, d = values.base[number][place * rows : (place + 1) * rows], values.data[number][place * width : (place + 1) * width]
             J = np.asarray(mapped(v, values.parameters, values.parameters, d)).reshape(m, term.columns, n).transpose(0, 2, 1)

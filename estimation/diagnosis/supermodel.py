@@ -22,9 +22,8 @@ from backsight.models.errors import ModelError
 from backsight.ocp import Horizon, Solution
 
 from ..problem import Problem
-from ..results import Smoothing
 from ..supposed import lean
-from .candidates import Candidate
+from .candidates import Candidate, Signal
 from .score import Columns, Enlarged, Linearised
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -39,7 +38,7 @@ class Look:
     columns: Columns
 
 
-def looked_at(problem: Problem, model: Model, result: Smoothing, base: Linearised, candidates: Sequence[Candidate]) -> list[Look]:
+def looked_at(problem: Problem, model: Model, base: Linearised, candidates: Sequence[Candidate]) -> list[Look]:
     """All candidates that have a score, at all their shapes."""
     found = list[Look]()
     plain = [c for c in candidates if c.edits and c.strengths and not c.signals]
@@ -49,10 +48,10 @@ def looked_at(problem: Problem, model: Model, result: Smoothing, base: Linearise
             found += _of_components(problem, model, base, group)
     freed = [c for c in candidates if not c.edits and c.strengths and not c.signals]
     if freed:
-        found += _of_parameters(problem, base, freed)
+        found += _of_parameters(base, freed)
     signals = [c for c in candidates if c.signals]
     if signals:
-        found += _of_signals(problem, result, base, signals)
+        found += _of_signals(base, signals)
     return found
 
 
@@ -80,7 +79,7 @@ def _of_components(problem: Problem, model: Model, base: Linearised, candidates:
             columns = enlarged.columns(now)
             for c in here:
                 if c.quadrature or phase == 0.0:
-                    parts[c.strengths].append(columns.taken(np.array([at[n] for n in c.strengths])))
+                    parts[c.strengths].append(columns.taken([at[n] for n in c.strengths]))
         found += [Look(candidate=c, shape=shapes[c.strengths], columns=Columns.joined(parts[c.strengths])) for c in here]
     return found
 
@@ -137,9 +136,8 @@ def _values(dae: Dae, solution: Solution) -> Array:
     return np.array([known.get(p.name, p.value) for p in dae.parameters])
 
 
-def _of_parameters(problem: Problem, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+def _of_parameters(base: Linearised, candidates: list[Candidate]) -> list[Look]:
     """Parameters of the base model that are fixed."""
-    del problem
     dae = base.solution.transcription.dae
     names = [p.name for p in dae.parameters]
     usable = [c for c in candidates if all(n in names for n in c.strengths)]
@@ -147,12 +145,12 @@ def _of_parameters(problem: Problem, base: Linearised, candidates: list[Candidat
     enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, base.solution.parameters)
     columns, first, found = enlarged.columns(base.solution.parameters), 0, list[Look]()
     for c in usable:
-        found.append(Look(candidate=c, shape={}, columns=columns.taken(np.arange(first, first + len(c.strengths)))))
+        found.append(Look(candidate=c, shape={}, columns=columns.taken(range(first, first + len(c.strengths)))))
         first += len(c.strengths)
     return found
 
 
-def _of_signals(problem: Problem, result: Smoothing, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+def _of_signals(base: Linearised, candidates: list[Candidate]) -> list[Look]:
     """Inputs and outputs that read otherwise."""
     t = base.solution.transcription
     dae = t.dae
@@ -180,16 +178,15 @@ def _of_signals(problem: Problem, result: Smoothing, base: Linearised, candidate
         ],
     )
     larger = replace(larger, u=ca.vertcat(old, *added))
-    horizons = tuple(_with_signals(problem, result, base, number, [s for _, s in wanted]) for number in range(len(t.horizons)))
+    horizons = tuple(_with_signals(base, number, [s for _, s in wanted]) for number in range(len(t.horizons)))
     count = len(dae.parameters)
     parameters = np.concatenate([base.solution.parameters, np.zeros(len(wanted))])
     enlarged = Enlarged(base, larger, list(range(count, count + len(wanted))), horizons, parameters)
     columns = enlarged.columns(parameters)
-    return [Look(candidate=c, shape=dict(s.start), columns=columns.taken(np.array([i]))) for i, (c, s) in enumerate(wanted)]
+    return [Look(candidate=c, shape=dict(s.start), columns=columns.taken([i])) for i, (c, s) in enumerate(wanted)]
 
 
-def _with_signals(problem: Problem, result: Smoothing, base: Linearised, number: int, signals: list) -> Horizon:  # type: ignore[type-arg]
-    del problem, result
+def _with_signals(base: Linearised, number: int, signals: list[Signal]) -> Horizon:
     t = base.solution.transcription
     horizon, dae = t.horizons[number], t.dae
     inputs, outputs = [q.name for q in dae.inputs], [q.name for q in dae.outputs]
