@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import inf
-
 import numpy as np
 
 from backsight.models import Model
@@ -75,12 +73,9 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             place=body,
             family="inertia",
             physics="coupling",
-            edits=(Insert(place=body, component=spatial.AddedMass(m=0.0), name=off),),
-            strengths=(),
-            kept={f"{off}.m": mass},
-            start={f"{off}.x": (0.0, -inf, inf), f"{off}.y": (0.0, -inf, inf)},
+            edits=(Insert(place=body, component=spatial.MassOffset(m=mass), name=off),),
+            strengths=(f"{off}.x", f"{off}.y"),
             named={"x": f"{off}.x", "y": f"{off}.y"},
-            dear=True,
         ),
     ]
 

@@ -143,9 +143,17 @@ def _of_parameters(base: Linearised, candidates: list[Candidate]) -> list[Look]:
     usable = [c for c in candidates if all(n in names for n in c.strengths)]
     strengths = [n for c in usable for n in c.strengths]
     enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, base.solution.parameters)
-    columns, first, found = enlarged.columns(base.solution.parameters), 0, list[Look]()
+    parameters = base.solution.parameters
+    still, turned = enlarged.columns(parameters), parameters.copy()
+    turned[[names.index(c.quadrature) for c in usable if c.quadrature]] = np.pi / 2
+    flat = parameters.copy()
+    flat[[names.index(c.quadrature) for c in usable if c.quadrature]] = 0.0
+    both = [enlarged.columns(flat), enlarged.columns(turned)] if any(c.quadrature for c in usable) else []
+    first, found = 0, list[Look]()
     for c in usable:
-        found.append(Look(candidate=c, shape={}, columns=columns.taken(range(first, first + len(c.strengths)))))
+        at = range(first, first + len(c.strengths))
+        columns = Columns.joined([part.taken(at) for part in both]) if c.quadrature else still.taken(at)
+        found.append(Look(candidate=c, shape={}, columns=columns))
         first += len(c.strengths)
     return found
 
