@@ -146,7 +146,7 @@ class _Motions:
         assert result.solution is not None
         self._solution = result.solution
         self._followed = followed_by(result.solution)
-        self._forces = forces(problem, self._followed, result.solution.parameters)
+        self._forces = forces(problem.posed, self._followed, result.solution.parameters)
 
     def of(self, spot: Spot) -> Motion | None:
         """None where the model has no such motion."""
