@@ -50,6 +50,7 @@ CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 5, 1, 9  # candidates that are fitted in a round: the best, of every other place, in all
 EFFECTS = 4
+NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
@@ -163,7 +164,8 @@ class _Search:
         now = self.result.criteria.log_evidence if self.result.criteria and self.result.criteria.log_evidence is not None else -np.inf
         fits = self._fits([(s.candidate, s) for s in _chosen(found, sizes)])
         if not self._explains(fits, now) and max(sizes.left.values(), default=0.0) > FLOOR:
-            fits += self._fits([(c, None) for c in candidates if c.dear])
+            most = max(sizes.left.values())
+            fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
         good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and _sound(c, f)]
