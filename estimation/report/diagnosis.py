@@ -114,22 +114,27 @@ def _when(found: Diagnosis) -> str:
 
 
 def _what(found: Diagnosis) -> str:
-    if not found.findings:
-        return ""
-    head = ["effect", "place", "strength", "acts", "share of the force there", "p", "evidence [nats]", "change of the model"]
-    rows = [_finding(f) for f in found.findings]
-    said = table(head, rows, words=(0, 1, 2, 3, 7), codes=(1, 7))
+    """Every finding with its numbers, and what else it might have been."""
+    parts = [f"<h3>{escape(_words(f.explanation.physics))} at {code(f.explanation.place)}</h3>{facts(_finding(f))}" for f in found.findings]
     note = (
-        "p: chance of as much evidence anywhere in the library if nothing were missing. Evidence: logarithm of how much likelier the "
-        "recordings are with the effect than without, all parameters estimated again in both."
+        "The chance is that of as much evidence anywhere in the library if nothing were missing. Evidence is the logarithm of how much "
+        "likelier the recordings are with the effect than without, all parameters estimated again in both."
     )
-    return said + f"<p class=note>{note}</p>"
+    return "".join(parts) + f"<p class=note>{note}</p>" if parts else ""
 
 
-def _finding(f: Finding) -> list[str]:
-    share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} %"
-    e = f.explanation
-    return [_words(e.physics), e.place, numbers(e.parameters) or NOTHING, when(f), share, _p(f.p_value), number(f.gain, 4), f.change]
+def _finding(f: Finding) -> list[tuple[str, str]]:
+    share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} % of the force there"
+    others = [f"{e.words} (lacks {number(e.gap, 3)} nats)" for e in f.alternatives]
+    pairs = [
+        ("strength", numbers(f.explanation.parameters) or NOTHING),
+        ("acts", when(f)),
+        ("share", share),
+        ("chance without it", _p(f.p_value)),
+        ("evidence", f"{number(f.gain, 4)} nats"),
+        ("change of the model", f.change),
+    ]
+    return [*pairs, *([("rather than", "; ".join(others))] if others else [])]
 
 
 def _tried(found: Diagnosis) -> str:
