@@ -11,6 +11,21 @@ from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.tracking import Sample
 from backsight.models.plants import PLANTS
 
+# what a study says of it, but for its outputs
+STUDY = """model = "actuator"
+
+[parameters]
+"carriage.m" = 95.0
+"friction.d" = 200.0
+"friction.f_c" = { guess = 8.0, min = 0.0 }
+"offset.f" = { guess = 1.0 }
+
+[[recording]]
+file = "record.csv"
+time = "t_s"
+inputs = { F = "F_N" }
+"""
+
 
 class FrictionAxis:
     """An axis with friction under a held force, simulated with white noise on its force: 600 rows at 100 Hz.

@@ -65,7 +65,6 @@ def result_of_tracking(answer: Tracking) -> dict[str, Any]:
 
 def result_of_weighing(found: Weighing) -> dict[str, Any]:
     """The content of result.json for `weigh`: that of smoothing with the recommended weights, the table of settings, and the reasons."""
-    chosen = next(o for o in found.outcomes if o.setting.name == found.chosen)
     weights = _weights(found.recommended.weights)
     for label, component in found.components.items():
         kind, name = label.split(" of ", 1)
@@ -74,7 +73,7 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
             weights[kind][name] |= {"from_data": component.std, "interval": [low, high], "p_zero": component.p_zero}
     return result_of_smoothing(found.recommended, command="weigh") | {
         "study": [_setting(o) for o in found.outcomes],
-        "recommended": {**weights, "setting": chosen.setting.name, "why": found.why},
+        "recommended": {**weights, "setting": found.chosen, "why": found.why},
         "influence": {label: dict(moves) for label, moves in found.moves.items()},
         "notes": list(found.notes),
     }

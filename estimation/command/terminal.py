@@ -25,12 +25,7 @@ def console(*, stderr: bool = False) -> Console:
 
 def parameter_table(answer: Smoothing) -> Table:
     """Estimated parameters with their deviations, then the fit of each output."""
-    table = Table(title=f"{answer.model}: {answer.solver.status}", title_justify="left", box=None, pad_edge=False)
-    table.add_column("parameter")
-    table.add_column("value", justify="right")
-    for name, estimate in answer.parameters.items():
-        if not estimate.fixed:
-            table.add_row(escape(name), str(estimate))
+    table = _estimated(answer, "parameter")
     for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
             table.add_row(escape(f"fit of {output}, {recording}"), f"{_size(fit, answer.units.get(output, ''))}{_whiteness(fit)}")
@@ -48,12 +43,7 @@ def parameter_table(answer: Smoothing) -> Table:
 
 def tracking_table(answer: Tracking) -> Table:
     """Parameters at the end, the fit of each output, and how long estimates took."""
-    table = Table(title=f"{answer.model}: {answer.solver.status}", title_justify="left", box=None, pad_edge=False)
-    table.add_column("parameter, at the end")
-    table.add_column("value", justify="right")
-    for name, estimate in answer.parameters.items():
-        if not estimate.fixed:
-            table.add_row(escape(name), str(estimate))
+    table = _estimated(answer, "parameter, at the end")
     for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
             table.add_row(escape(f"fit of {output}, {recording}"), f"rms {fit.rms:.3g} {answer.units.get(output, '')}")
@@ -66,11 +56,10 @@ def weight_table(found: Weighing) -> Table:
     table = Table(title=f"{found.recommended.model}: {escape(found.why)}", title_justify="left", box=None, pad_edge=False)
     for heading in ("weight", "recommended std", "95 %", "p without"):
         table.add_column(heading)
-    chosen = next(o for o in found.outcomes if o.setting.name == found.chosen)
     for label, c in found.components.items():
         low, high = c.interval
         p = "" if c.p_zero is None else f"{c.p_zero:.2g}"
-        table.add_row(escape(label), f"{chosen.weights[label]:.4g} {c.unit}", f"{low:.3g} .. {high:.3g}", p)
+        table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", f"{low:.3g} .. {high:.3g}", p)
     return table
 
 
@@ -100,6 +89,17 @@ def simulation_table(answer: Simulation) -> Table:
     for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
             table.add_row(escape(recording), output, f"{fit.rms:.4g} {answer.units[output]}", _share(fit.fit_percent))
+    return table
+
+
+def _estimated(answer: Smoothing | Tracking, heading: str) -> Table:
+    """How the solver fared, and the estimated parameters with their deviations."""
+    table = Table(title=f"{answer.model}: {answer.solver.status}", title_justify="left", box=None, pad_edge=False)
+    table.add_column(heading)
+    table.add_column("value", justify="right")
+    for name, estimate in answer.parameters.items():
+        if not estimate.fixed:
+            table.add_row(escape(name), str(estimate))
     return table
 
 

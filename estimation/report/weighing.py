@@ -101,16 +101,14 @@ def balance_chart(found: Weighing) -> Chart | None:
 
 def _path(found: Weighing) -> list[Outcome]:
     """The settings of the trade-off in order, with the one that they lead through."""
-    through = next((o for o in found.outcomes if o.setting.group == "candidate"), None)
-    path = [o for o in (*([through] if through else []), *found.outcomes) if o.converged and o.setting.group in ("candidate", "trade-off")]
-    own = [o for o in path if o is through or o.setting.group == "trade-off"]
-    return sorted({o.setting.name: o for o in own}.values(), key=lambda o: o.setting.factor)
+    through = [o for o in found.outcomes if o.setting.group == "candidate"][:1]
+    path = [*through, *(o for o in found.outcomes if o.setting.group == "trade-off")]
+    return sorted((o for o in path if o.converged), key=lambda o: o.setting.factor)
 
 
 def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:
     """log10 of the mean misfit and of the mean residual force of a setting, over the recommended weights."""
-    weights = next(o for o in found.outcomes if o.setting.name == found.chosen).weights
-    parts = []
+    weights, parts = found.best.weights, []
     for kind, sizes in (("V", outcome.misfit), ("W", outcome.force)):
         ratios = [rms / weights[f"{kind} of {name}"] for name, (rms, _) in sizes.items() if f"{kind} of {name}" in weights]
         parts.append(float(np.log10(np.sqrt(np.mean(np.square(ratios))))) if ratios else float("nan"))
@@ -119,14 +117,13 @@ def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:
 
 def _weights(found: Weighing) -> str:
     head = ["weight", "std from the data", "95 %", "p that it is zero", "recommended std", "unit"]
-    recommended = next(o for o in found.outcomes if o.setting.name == found.chosen).weights
     rows = []
-    for label, std in recommended.items():
+    for label, std in found.best.weights.items():
         component = found.components.get(label)
         if component is None:
             continue
         low, high = component.interval
-        told = np.isfinite(component.log_std) and not (component.p_zero or 0.0) > 0.05
+        told = np.isfinite(component.log_std) and not component.may_be_none
         band = f"{number(low, 3)} .. {number(high, 3)}" if told else f"up to {number(high, 3)}" if high < np.inf else NOTHING
         zero = NOTHING if component.p_zero is None else number(component.p_zero, 2)
         rows.append([label, number(component.std, 4), band, zero, number(std, 4), pretty(component.unit)])

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from backsight.ocp import Solution
 
@@ -18,7 +19,7 @@ from ..problem import Problem
 from ..supposed import INPUT, PARAMETER
 from .horizons import shown_noise
 from .rest import near_rest
-from .robust import RobustSolution
+from .robust import row_squares
 
 if TYPE_CHECKING:
     from .outcome import Run
@@ -100,21 +101,18 @@ def force_squares(solution: Solution, i: int) -> tuple[float, float]:
     """sum r^2 and f of the i-th soft place, without the intervals near rest."""
     t = solution.transcription
     number = solution.term(t.force_term)
-    scale, moving = solution.values.scale[number], ~near_rest(t.force_std_at(solution.values))
-    part = slice(i, None, len(t.soft))
-    there = (scale[part] > 0) & moving[i, t.nlp.terms[number].interval]
-    leverage = solution.leverage(number)[part] * scale[part] ** 2
-    return float(np.sum(solution.rows[number][part][there] ** 2)), float(np.sum(1.0 - leverage[there]))
+    moving = ~near_rest(t.force_std_at(solution.values))[i, t.nlp.terms[number].interval]
+    return _summed(solution, number, slice(i, None, len(t.soft)), moving)
 
 
 def output_squares(solution: Solution, i: int, horizons: list[int]) -> tuple[float, float]:
     """The same of the i-th output's samples in these horizons."""
-    t, number = solution.transcription, solution.term("samples")
+    t = solution.transcription
     ours = np.repeat(np.isin(np.arange(len(t.horizons)), horizons), [len(h.time) for h in t.horizons])
-    if isinstance(solution, RobustSolution):
-        squares, f = solution.squares()
-        return float(np.sum(squares[i][ours])), float(np.sum(f[i][ours]))
-    scale = solution.values.scale[number][i]
-    there = (scale > 0) & ours
-    leverage = solution.leverage(number)[i] * scale**2
-    return float(np.sum(solution.rows[number][i][there] ** 2)), float(np.sum(1.0 - leverage[there]))
+    return _summed(solution, solution.term("samples"), slice(i, i + 1), ours)
+
+
+def _summed(solution: Solution, number: int, part: slice, columns: NDArray[np.bool_]) -> tuple[float, float]:
+    there = (solution.values.scale[number][part] > 0) & columns
+    squares, f = (float(np.sum(rows[part][there])) for rows in row_squares(solution, number))
+    return squares, f

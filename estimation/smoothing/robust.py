@@ -148,6 +148,13 @@ class RobustSolution(Solution):
         return (self.weights * self.standardised) ** 2, np.where(self.huber, expected_square(remaining), remaining)
 
 
+def row_squares(solution: Solution, number: int) -> tuple[Array, Array]:
+    """r^2 of a term's rows, and what they should be with the right scale, 1 - l; of no meaning where a scale is zero. Both (K m, C)."""
+    if isinstance(solution, RobustSolution) and number == solution.term("samples"):
+        return solution.squares()
+    return solution.rows[number] ** 2, 1.0 - solution.leverage(number) * solution.values.scale[number] ** 2
+
+
 def solve_robustly(
     solve: Callable[[Array, Values, bool], Solution],
     residuals: Callable[[Array, Values], Array],

@@ -20,7 +20,7 @@ from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
 from .rest import with_room
-from .robust import RobustSolution
+from .robust import row_squares
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
@@ -169,11 +169,7 @@ def _ratio(solution: Solution, term: str, i: int, columns: Mask | None) -> tuple
     families = len(solution.transcription.dae.outputs) if term == "samples" else len(solution.transcription.soft)
     scale = solution.values.scale[number][i::families]
     there = scale > 0 if columns is None else (scale > 0) & columns
-    if term == "samples" and isinstance(solution, RobustSolution):
-        squares, freedom = (float(np.sum(rows[i::families][there])) for rows in solution.squares())
-    else:
-        squares = float(np.sum(solution.rows[number][i::families][there] ** 2))
-        freedom = float(np.sum(1.0 - (solution.leverage(number)[i::families] * scale**2)[there]))
+    squares, freedom = (float(np.sum(rows[i::families][there])) for rows in row_squares(solution, number))
     count = np.count_nonzero(there)
     exact = bool(freedom > (1.0 - CHOSEN) * count and squares < NOTHING)
     # of a force, where the likelihood's slope cannot be told from none, another std would be no better

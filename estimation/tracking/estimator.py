@@ -22,9 +22,10 @@ import casadi as ca
 import numpy as np
 
 from backsight.models.errors import InputError
+from backsight.ocp.moving.roots import root
 from backsight.ocp.moving.stage import Stage
 from backsight.ocp.moving.trajectory import Known, Solve
-from backsight.ocp.moving.window import DOUBTED, Update, Window, root
+from backsight.ocp.moving.window import DOUBTED, Update, Window
 
 from ..problem import Free, Problem
 from ..recordings.columns import cut
@@ -103,6 +104,7 @@ class Estimator:
         self.room, self.readings = Room(stage, t.laws, self._force_std, t.noise, length, jit=jit and not self.notes), Readings(stage)
         self.samples = samples
         self._scales, self.driven = scales, Driven(len(self._inputs), posed.fitted[0].hold)
+        self._absurd = ABSURD / np.maximum(scales, 1.0)
         self.newest: float | None = None
         # the clock's own start would cost digits; only a model that knows the time needs it
         self._timed = ca.depends_on(ca.vertcat(dae.residual, dae.output), dae.t)
@@ -138,7 +140,7 @@ class Estimator:
             raise InputError(f"update: time is {sample.time}; a sample has a finite time in seconds.")
         inputs = self._acting(sample.inputs)
         read = self._vector(sample.outputs, self._outputs, "output")
-        read = np.where(np.abs(read) < ABSURD / np.maximum(self._scales, 1.0), read, np.nan)
+        read[~(np.abs(read) < self._absurd)] = np.nan
         late = self.newest is not None and not self._anew and sample.time <= self.newest + SAME * self.tuning.sampling
         outcome, done, surprise = self._filled(sample.time, read) if late else self._moved(sample.time, inputs, read)
         if outcome is Outcome.LATE and self.estimate is not None:

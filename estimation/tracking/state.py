@@ -56,7 +56,7 @@ def save(estimator: Estimator, path: str | Path) -> None:
     facts = {
         "version": VERSION,
         "layout": _layout(estimator),
-        "samples": window.length // tuning.stages,
+        "samples": estimator.samples,
         "iterations": estimator.iterations,
         "update": window.update,
         "degree": window.stage.degree,

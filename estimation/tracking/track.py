@@ -138,7 +138,7 @@ def summary(
             build_seconds=build,
             variables=estimator.window.stage.size + (estimator.window.length + 1) * len(asked.dae.states),
         ),
-        samples=estimator.window.length // estimator.tuning.stages,
+        samples=estimator.samples,
         latency_ms=estimator.latency.milliseconds(),
         failed_steps=failed,
         outcomes={outcome: n for outcome, n in estimator.counts.items() if n},

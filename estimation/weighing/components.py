@@ -30,6 +30,7 @@ ROUNDS = 20
 GAIN = 0.005  # of the log likelihood: what another step may promise at the end
 LONGEST = 1.5  # step in a theta
 RIDGE = 1e-3  # of AI's diagonal, where a weight's rows tell nothing
+ZERO = 0.05  # p from which on a residual force may as well be none
 GONE = 0.3  # degrees of freedom, see above
 LOWER = float(np.log(5.0))  # steps down to there
 STEPS_DOWN = 8
@@ -46,6 +47,11 @@ class Component:
     log_std: float
     unit: str
     p_zero: float | None = None
+
+    @property
+    def may_be_none(self) -> bool:
+        """Whether the data would do without it."""
+        return self.p_zero is not None and self.p_zero > ZERO
 
     @property
     def interval(self) -> tuple[float, float]:

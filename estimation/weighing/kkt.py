@@ -45,7 +45,7 @@ class Kkt:
         """The upper part of K^-1 [g; 0] for columns g (n + np, m) in the program's units; zero for what is held."""
         right = np.zeros((self.matrix.shape[0], g.shape[1]))
         right[: len(self.free)] = self.free[:, None] * g
-        return self._solved(right)[: len(self.free)]
+        return self.solved(right)[: len(self.free)]
 
     @property
     def condition(self) -> float:
@@ -57,12 +57,13 @@ class Kkt:
         K = _scaled(self.matrix, size)
 
         def inverse(v: Array) -> Array:
-            return self._solved((np.ravel(v) / size)[:, None])[:, 0] / size
+            return self.solved((np.ravel(v) / size)[:, None])[:, 0] / size
 
         operator = LinearOperator(K.shape, matvec=inverse, rmatvec=inverse, dtype=np.float64)
         return float(abs(K).sum(axis=0).max() * onenormest(operator, t=1))  # more columns would be drawn at random
 
-    def _solved(self, right: Array) -> Array:
+    def solved(self, right: Array) -> Array:
+        """K^-1 of columns that have rows for the multipliers too."""
         found = np.empty(right.shape)
         inside = self._band.solve(right[self.inner])
         found[self.border] = self._corner @ (right[self.border] - self._edge.T @ inside)

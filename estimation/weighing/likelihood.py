@@ -22,7 +22,7 @@ import numpy as np
 
 from backsight.ocp import Solution
 
-from ..smoothing.robust import RobustSolution, log_density
+from ..smoothing.robust import RobustSolution, log_density, row_squares
 from .kkt import gauss_newton
 from .turned import Mask
 
@@ -52,15 +52,15 @@ class Likelihood:
         moving[s.held] = False
         return total - 0.5 * s.curvature.log_determinant + float(np.sum(np.log(s.values.unit[moving])))
 
-    @cached_property
+    @property
     def squares(self) -> Array:
         """r_f'r_f, (F,)."""
-        return np.array([sum(float(np.sum(self._squares[k][of])) for k, of in rows) for rows in self.rows])
+        return self._summed[0]
 
-    @cached_property
+    @property
     def freedom(self) -> Array:
         """Sum of 1 - leverage over the rows of every weight, (F,)."""
-        return np.array([sum(float(np.sum(self._freedom(k)[of])) for k, of in rows) for rows in self.rows])
+        return self._summed[1]
 
     @property
     def counts(self) -> Array:
@@ -96,27 +96,14 @@ class Likelihood:
         return out
 
     @cached_property
-    def _squares(self) -> list[Array]:
-        found = [r**2 for r in self.solution.rows]
-        if isinstance(self.solution, RobustSolution):
-            number = self.solution.term("samples")
-            found[number] = self.solution.squares()[0]
-        return found
-
-    def _freedom(self, number: int) -> Array:
-        if isinstance(self.solution, RobustSolution) and number == self.solution.term("samples"):
-            return self.solution.squares()[1]
-        scale = self.solution.values.scale[number]
-        return np.asarray(np.where(scale > 0, 1.0 - self._leverage(number) * scale**2, 0.0))
-
-    def _leverage(self, number: int) -> Array:
-        if number not in self._leverages:
-            self._leverages[number] = self.solution.leverage(number)
-        return self._leverages[number]
-
-    @cached_property
-    def _leverages(self) -> dict[int, Array]:
-        return {}
+    def _summed(self) -> tuple[Array, Array]:
+        """Squares and freedom."""
+        scale, of_terms = self.solution.values.scale, {k: row_squares(self.solution, k) for rows in self.rows for k, _ in rows}
+        squares, freedom = (
+            np.array([sum(float(np.sum(of_terms[k][part][of & (scale[k] > 0)])) for k, of in rows) for rows in self.rows])
+            for part in (0, 1)
+        )
+        return squares, freedom
 
 
 def _log_densities(solution: Solution, number: int) -> Array:

@@ -106,7 +106,7 @@ class Stand:
             "status": solved.status.value,
             "iterations": solved.iterations,
             "seconds": solved.seconds,
-            "weights": {w.label: w.std * float(np.exp(v)) for w, v in zip(turned.weights, theta, strict=True)},
+            "weights": turned.stds(theta),
         }
         if not solved.status.converged or solution.curvature is None:
             return Outcome(converged=False, **common)
@@ -127,12 +127,9 @@ class Stand:
         """Log likelihood of what was held out, with the weights theta and the parameters of a solution."""
         if self.held_out is None:
             return float("nan")
-        factors = {w.label: v for w, v in zip(self.fitted.weights, theta.tolist(), strict=True)}
-        stds = {w.label: w.std for w in self.fitted.weights}
-        own = [factors[w.label] + float(np.log(stds[w.label] / w.std)) if w.label in factors else 0.0 for w in self.held_out.weights]
-        dae = solution.transcription.dae
-        found = dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
-        there = self.held_out.with_parameters(found).solved(np.array(own))
+        stds = self.fitted.stds(theta)
+        own = [np.log(stds.get(w.label, w.std) / w.std) for w in self.held_out.weights]
+        there = self.held_out.with_parameters(values_of(solution)).solved(np.array(own))
         return Likelihood(there, []).value if there.solved.status.converged else float("nan")
 
 
@@ -145,6 +142,11 @@ def solve(blob: bytes, chain: Sequence[Setting]) -> list[Outcome]:
 def _stand(blob: bytes) -> Stand:
     stand: Stand = pickle.loads(blob)
     return stand
+
+
+def values_of(solution: Solution) -> dict[str, float]:
+    """All parameters of the model by name."""
+    return dict(zip((p.name for p in solution.transcription.dae.parameters), solution.parameters.tolist(), strict=True))
 
 
 def _parameters(solution: Solution) -> dict[str, tuple[float, float]]:

@@ -25,7 +25,7 @@ class Store:
     def get(self, setting: Setting) -> Outcome | None:
         """What was kept of a setting."""
         try:
-            return _outcome(json.loads(self._path(setting).read_text(encoding="utf-8"))) if self.folder else None
+            return _outcome(json.loads(self._path(self.folder, setting).read_text(encoding="utf-8"))) if self.folder else None
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
@@ -38,15 +38,14 @@ class Store:
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as file:
                 json.dump(asdict(outcome), file)
-            os.replace(name, self._path(outcome.setting))
+            os.replace(name, self._path(self.folder, outcome.setting))
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
 
-    def _path(self, setting: Setting) -> Path:
-        assert self.folder is not None
+    def _path(self, folder: Path, setting: Setting) -> Path:
         key = sha256(json.dumps([self.study, setting.name, setting.theta]).encode()).hexdigest()[:24]
-        return self.folder / f"{key}.json"
+        return folder / f"{key}.json"
 
 
 def _outcome(kept: dict[str, Any]) -> Outcome:

@@ -99,6 +99,10 @@ class Turned:
         """Intervals of every soft place that are not near rest, (n_soft, N)."""
         return ~self._rests
 
+    def stds(self, theta: Array) -> dict[str, float]:
+        """Weight, by its label -> std at theta."""
+        return {w.label: w.std * float(np.exp(v)) for w, v in zip(self.weights, theta, strict=True)}
+
     def values(self, theta: Array) -> Values:
         """The program's numbers at theta."""
         t, values = self.program.transcription, self.program.values

@@ -25,11 +25,11 @@ from ..smoothing.smoother import smooth
 from ..supposed import noisy_inputs
 from ..wording import listed
 from ..workers import workers
-from .components import Component, Found, maximise, without
+from .components import ZERO, Component, Found, maximise, without
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import settings
-from .setting import Outcome, Setting, Stand, solve
+from .setting import Outcome, Setting, Stand, solve, values_of
 from .store import Store
 from .turned import Turned, turned
 from .words import words
@@ -37,7 +37,6 @@ from .words import words
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
 
-ZERO = 0.05  # p from which on a residual force may as well be none
 FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its noise cannot be told from forces
 AHEAD = 64  # settings that a cluster has at hand
 TIED = 3.0  # log likelihood of what was held out: less makes no difference
@@ -65,6 +64,11 @@ class Weighing:
     notes: tuple[str, ...]
     problem: Problem
 
+    @property
+    def best(self) -> Outcome:
+        """Of the chosen setting."""
+        return next(o for o in self.outcomes if o.setting.name == self.chosen)
+
 
 def weigh(
     problem: Problem, *, jobs: int = 1, scheduler: str | None = None, keep: Path | None = None, progress: Progress | None = None
@@ -86,10 +90,8 @@ def weigh(
         best, moving = _likeliest(knobs, given, say)
         components, theta = _components(knobs, best, moving, say)
         force = sizes(posed, best.solution)
-        held = np.array([w.is_noise for w in knobs.weights]) & np.logical_not(
-            moving
-        )  # of these nothing was learnt: they are the same for all
-        candidates = {LIKELIHOOD: theta, FIRST: np.where(held, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
+        untold = np.array([w.is_noise and not sought for w, sought in zip(knobs.weights, moving, strict=True)])  # the same for all
+        candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
         unseen = _held_out(posed, recordings, knobs, best, theta, say)
@@ -167,9 +169,9 @@ def _given(problem: Problem, knobs: Turned) -> Array:
 
 def _weights(weights: Weights, knobs: Turned, theta: Array) -> Weights:
     """As a study file has them."""
-    stds = {w: w.std * float(np.exp(v)) for w, v in zip(knobs.weights, theta, strict=True)}
-    W = {**weights.W, **{w.name: std for w, std in stds.items() if w.kind == "W"}}
-    return replace(weights, W=W, V={**weights.V, **{w.name: std for w, std in stds.items() if w.kind == "V"}})
+    stds = knobs.stds(theta)
+    W, V = ({w.name: stds[w.label] for w in knobs.weights if w.kind == kind} for kind in ("W", "V"))
+    return replace(weights, W={**weights.W, **W}, V={**weights.V, **V})
 
 
 def _held_out(posed: Problem, recordings: Sequence[Recording], knobs: Turned, best: Found, theta: Array, say: Progress) -> Turned | None:
@@ -178,8 +180,7 @@ def _held_out(posed: Problem, recordings: Sequence[Recording], knobs: Turned, be
     if not own:
         return None
     say("smoothing what was held out")
-    dae = best.solution.transcription.dae
-    found = dict(zip((p.name for p in dae.parameters), best.solution.parameters.tolist(), strict=True))
+    found = values_of(best.solution)
     values = {p.name: found.get(p.name, p.value) for p in posed.dae.parameters}
     fixed = replace(posed, recordings=own, parameters={**values, **posed.varying}, weights=_weights(posed.weights, knobs, theta))
     result = smooth(fixed, progress=say)

@@ -16,7 +16,6 @@ MOVING = 1.0  # and one that moves some by as much decides about it
 TOLD = 0.35  # std of a logarithm above which a weight is hardly told: a factor of two either way
 TWINS = 0.9  # correlation of two weights of which one can stand for the other
 LARGE, SMALL = 0.05, 0.01  # of the forces at a place: what a balance leaves over
-ZERO = 0.05  # p from which on a force may be none
 LOST = 1e3  # a setting's condition number over the recommended one's
 DIGITS = 16.0  # of a number
 
@@ -28,13 +27,12 @@ def words(found: Weighing) -> tuple[str, ...]:
 
 def _equations(found: Weighing) -> list[str]:
     out = []
-    recommended = next(o for o in found.outcomes if o.setting.name == found.chosen)
-    for place, (rms, _) in recommended.force.items():
+    for place, (rms, _) in found.best.force.items():
         size, component = found.forces.get(place), found.components.get(f"W of {place}")
         if size is None or component is None:
             continue
         share = rms / size
-        if component.p_zero is not None and component.p_zero > ZERO:
+        if component.may_be_none:
             out.append(f"{place}: its balance holds as it stands; no residual force is asked for (p = {component.p_zero:.2g} without it).")
         elif share > LARGE:
             out.append(f"{place}: the data cannot satisfy its balance: {100 * share:.0f} % of its forces are left over.")
@@ -46,7 +44,7 @@ def _equations(found: Weighing) -> list[str]:
 
 
 def _weights(found: Weighing) -> list[str]:
-    hardly = [label for label, c in found.components.items() if not (c.p_zero or 0) > ZERO and c.log_std > TOLD]
+    hardly = [label for label, c in found.components.items() if not c.may_be_none and c.log_std > TOLD]
     out = [f"The data hardly tell {listed(hardly)}: a factor of two either way would do."] if hardly else []
     untold = [label for label, c in found.components.items() if label.startswith("V") and np.isnan(c.log_std)]
     out += [

@@ -20,7 +20,6 @@ leaves the square roots that the arrival cost and the covariances are read from.
 from __future__ import annotations
 
 from collections import deque
-from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -32,6 +31,7 @@ from ..polynomials import Array
 from .called import Called
 from .native import native
 from .prediction import Prediction
+from .roots import SINGULAR, joined, lengths, root
 from .stage import Stage
 from .trajectory import Known, Solve, Trajectory
 
@@ -41,7 +41,6 @@ SQUARES = 1e300  # corner of a loss that has none
 TRUSTED, ORDINARY, DOUBTED = 1, 0, -1
 ALIKE = 3.0  # times the median of a run of doubted samples: what is further off than that is an error of its own
 SETTLED = 0.02  # of a deviation: what reweighing may still move
-SINGULAR = 1e-10  # of the largest singular value of R, its columns scaled: less tells nothing
 SUFFICIENT = 1e-4  # share of a step's promised descent that it must keep
 ROUNDING = 1e-14  # of a sum of squares: what it is wrong by
 ENOUGH = 0.5  # share of what a linear model says the cost falls by: below that a shorter step is tried
@@ -234,21 +233,20 @@ class Window:
         """
         best, t = None, 1.0
         while t >= SHORTEST and np.isfinite(promise):
-            tried = list[tuple[bool, bool, tuple[float, float, Trajectory, Array, Array]]]()
+            tried = []
             for way in (self.here.moved, self._rolled):
                 there = way(step, t)
                 e, last, open_ = self._errors(there, self.here.p)
                 now, closer = self._cost(there, e, last, *weights), open_ < broken / 4 or small
-                falls = now <= cost - SUFFICIENT * t * promise or closer
-                tried.append((falls, closer, (t, now, there, e, last)))
-                if falls:
+                tried.append((t, now, there, e, last))
+                if falls := now <= cost - SUFFICIENT * t * promise or closer:
                     break
-            # where neither falls the straight way tells the parabola
-            falls, closer, (_, now, there, e, last) = tried[-1] if tried[-1][0] else tried[0]
+            reached = tried[-1 if falls else 0]  # where neither falls the straight way tells the parabola
+            now = reached[1]
             if best is not None and now >= best[1]:
                 break
             if falls:
-                best = t, now, there, e, last
+                best = reached
                 if closer or now <= cost - ENOUGH * promise * t * (2 - t):
                     break
             rise = max(now - cost, -promise * t)
@@ -308,7 +306,7 @@ class Window:
                 )
         end = roots[:, (k - 1) * (n + 1) :] if k else arrival
         last = np.hstack(self._last(at.x[:, -1], at.p, self._weighed(self.newest, w_last))[::-1])
-        Rd = _joined(end, last)
+        Rd = joined(end, last)
         newest = np.concatenate([at.x[:, -1], at.p])
         self.ahead, self.told, self.passed = Known(Rd=end.copy(), reference=newest), Known(Rd=Rd, reference=newest), 0
         if k > 1:
@@ -317,9 +315,9 @@ class Window:
         elif k == 1:
             self.before = Known(Rd=arrival, reference=np.concatenate([at.x[:, 0], at.p]))
         if self._adrift(Rd):
-            near = _joined(arrival, np.column_stack([np.diag(1 / self._reach), np.zeros(n)]))
+            near = joined(arrival, np.column_stack([np.diag(1 / self._reach), np.zeros(n)]))
             roots, E, promise = self._swept(near, d)
-            Rd = _joined(roots[:, (k - 1) * (n + 1) :] if k else near, last)
+            Rd = joined(roots[:, (k - 1) * (n + 1) :] if k else near, last)
         right = self._bounded(Rd, newest)
         left = Rd[:, :n] @ right + Rd[:, n]
         promise += float(Rd[:, n] @ Rd[:, n] - left @ left)
@@ -365,7 +363,7 @@ class Window:
     def _bounded(self, Rd: Array, here: Array) -> Array:
         """The step of the newest state and p that makes |R s + d| least, within their bounds; what R does not tell stays."""
         R, d = Rd[:, :-1], Rd[:, -1]
-        size = _lengths(R)
+        size = lengths(R)
         if np.abs(np.diag(R) / size).min() > SINGULAR:
             s = np.asarray(lapack.dtrtrs(R, -d)[0])
         else:
@@ -449,33 +447,3 @@ class Window:
         std = np.sqrt(np.sum((J[:ns, :own] @ G) ** 2, axis=1) + np.sum((rest @ half) ** 2, axis=1)) / scale
         lost = (np.abs(rest[:, unknown]) > 0).any(axis=1) | ~np.isfinite(std)
         return e[:ns, 0] / scale, np.where(lost, np.inf, std)
-
-
-def root(R: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Root (n, ..) of the covariance that the information R' R leaves, and of which of the unknowns it tells nothing."""
-    size = _lengths(R)
-    scaled = R / size
-    if np.abs(np.diag(scaled)).min() > SINGULAR and not R[_below(len(R))].any():
-        return np.asarray(lapack.dtrtri(scaled)[0] / size[:, None]), np.zeros(len(R), dtype=bool)
-    _, s, Vt = np.linalg.svd(scaled)
-    told = s > SINGULAR * s.max(initial=1e-300)
-    half = Vt[told].T / s[told] / size[:, None]
-    return half, np.any(np.abs(Vt[~told]) > np.sqrt(SINGULAR), axis=0)
-
-
-def _joined(Rd: Array, rows: Array) -> Array:
-    """What a square root and more rows tell together."""
-    return np.asarray(np.linalg.qr(np.vstack([Rd, rows]), mode="r"), dtype=np.float64)[: len(Rd)]
-
-
-@cache
-def _below(n: int) -> NDArray[np.bool_]:
-    """The entries of a square matrix below its diagonal."""
-    return np.tri(n, k=-1, dtype=bool)
-
-
-def _lengths(R: Array) -> Array:
-    """Of the columns, one for those that are zero."""
-    size = np.sqrt((R**2).sum(axis=0))
-    size[size == 0] = 1.0
-    return np.asarray(size)

@@ -14,23 +14,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from friction_axis import STUDY as MACHINE
 from friction_axis import FrictionAxis
 
 from backsight.estimation.command.cli import main
 
-STUDY = """model = "actuator"
-
-[parameters]
-"carriage.m" = 95.0
-"friction.d" = 200.0
-"friction.f_c" = { guess = 8.0, min = 0.0 }
-"offset.f" = { guess = 1.0 }
-
-[[recording]]
-file = "record.csv"
-time = "t_s"
-inputs = { F = "F_N" }
-outputs = { x = { column = "x_mm", unit = "mm", std = 1e-5 } }
+STUDY = (
+    MACHINE
+    + """outputs = { x = { column = "x_mm", unit = "mm", std = 1e-5 } }
 
 [weights]
 W = { "carriage" = { std = 0.4 } }
@@ -38,6 +29,7 @@ W = { "carriage" = { std = 0.4 } }
 [horizon]
 samples = 25
 """
+)
 
 
 @pytest.fixture(scope="module")

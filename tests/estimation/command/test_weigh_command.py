@@ -13,24 +13,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from friction_axis import STUDY as MACHINE
 from friction_axis import FrictionAxis
 
 from backsight.estimation.command.cli import main
 
-STUDY = """model = "actuator"
-
-[parameters]
-"carriage.m" = 95.0
-"friction.d" = 200.0
-"friction.f_c" = { guess = 8.0, min = 0.0 }
-"offset.f" = { guess = 1.0 }
-
-[[recording]]
-file = "record.csv"
-time = "t_s"
-inputs = { F = "F_N" }
-outputs = { x = "x_m" }
+STUDY = (
+    MACHINE
+    + """outputs = { x = "x_m" }
 """
+)
 
 
 @pytest.fixture(scope="module")
