@@ -41,17 +41,25 @@ ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
-def smooth(problem: Problem, *, settings: Settings | None = None, progress: Callable[[str], None] | None = None) -> Smoothing:
+def smooth(
+    problem: Problem,
+    *,
+    settings: Settings | None = None,
+    begin: Solution | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Smoothing:
     """Smooth the fitted recordings of a problem, and predict those that are held out.
 
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
-    converge: `solver.converged` tells. settings: numerics (default: chosen). Raises InputError for a problem that cannot be posed.
+    converge: `solver.converged` tells. settings: numerics (default: chosen). begin: a solution of the same recordings by a model with the
+    same states and algebraic variables, from whose trajectories, weights and mesh it starts; the guesses are taken for what they are.
+    Raises InputError for a problem that cannot be posed.
     """
 
     settings, say = settings or Settings(), progress or (lambda _: None)
 
     def once(posed: Problem) -> Smoothing:
-        return _smoothed(posed, settings, say)
+        return _smoothed(posed, settings, begin, say)
 
     posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
@@ -61,16 +69,23 @@ def smooth(problem: Problem, *, settings: Settings | None = None, progress: Call
     return replace(result, held_out=held_out, notes=(*result.notes, *notes))
 
 
-def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) -> Smoothing:
+def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say: Callable[[str], None]) -> Smoothing:
     began = time.perf_counter()
     asked, plain, problem = problem, problem.plain, problem.posed
     stds, open_outputs = output_stds(problem)
-    say("following the samples")
-    followed = follow_closely(plain, stds, settings.step)
+    if begin is None:
+        say("following the samples")
+        followed = follow_closely(plain, stds, settings.step)
+    else:
+        followed = followed_by(begin)
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy(), dict[int, float]()
-    if plain.free or unseen_states(plain):
+    if begin is not None:
+        force_std = _named(begin, problem)
+        exact = exact_forces(plain, followed, start)
+        floor = {k: min(std, exact[k]) for k, std in force_std.items()}
+    elif plain.free or unseen_states(plain):
         least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
         begun = approach(plain, followed, laws, start, least, say)
         followed, start, force_std = begun.followed, begun.parameters, begun.force_std
@@ -93,10 +108,10 @@ def _smoothed(problem: Problem, settings: Settings, say: Callable[[str], None]) 
     )
     followed = lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}
-    if settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
+    if begin is None and settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
         rough = work.roughly(followed, stds, force_std, start)
         if rough is not None:
-            followed, start, stds = _followed(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
+            followed, start, stds = followed_by(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
             force_std = dict(zip(rough.solution.transcription.soft, rough.force_std.tolist(), strict=True))
             # guesses far too large make forces that are none
             now = exact_forces(problem, followed, start)
@@ -184,10 +199,10 @@ class _Work:
         """
         solution, now = choice.solution, self.in_force(stds, choice)
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
-        anew = self.meshed(_followed(solution), now, force_std, solution.parameters)
+        anew = self.meshed(followed_by(solution), now, force_std, solution.parameters)
         if _intervals(anew.horizons) < FINER * _intervals(meshed.horizons):
             return choice, stds, False
-        program = self.program(anew.horizons, _followed(solution), force_std, solution.parameters)
+        program = self.program(anew.horizons, followed_by(solution), force_std, solution.parameters)
         second = self.chosen(program, anew.least_std, now)
         return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
 
@@ -199,7 +214,7 @@ class _Work:
             return kept, now
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         t = solution.transcription
-        program = self.of_degree(t.degree).program(t.horizons, _followed(solution), force_std, solution.parameters)
+        program = self.of_degree(t.degree).program(t.horizons, followed_by(solution), force_std, solution.parameters)
         second = self.chosen(program, least_std, now)
         return (second, now) if second.solution.solved.status.converged else (kept, now)
 
@@ -217,14 +232,21 @@ class _Work:
         if solution is choice.solution:
             horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
-        program = self.of_degree(degree).program(horizons, _followed(solution), force_std, solution.parameters)
+        program = self.of_degree(degree).program(horizons, followed_by(solution), force_std, solution.parameters)
         return program.solve(program.start, program.values, newton, self.say)
 
 
-def _followed(solution: Solution) -> Followed:
+def followed_by(solution: Solution) -> Followed:
     t, local = solution.transcription, slice(solution.transcription.nlp.interpolation.local)
     covariance = None if solution.curvature is None else solution.interval_covariance[:, local, local]
     return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, covariance=covariance)
+
+
+def _named(begin: Solution, problem: Problem) -> dict[int, float]:
+    """Place of the problem's model -> std of its residual force in a solution of another, by its name."""
+    t = begin.transcription
+    std = dict(zip((t.dae.places[k].name for k in t.soft), t.force_std_at(begin.values).min(axis=1, initial=np.inf).tolist(), strict=True))
+    return {k: std[p.name] for k, p in enumerate(problem.dae.places) if p.name in std}
 
 
 def _intervals(horizons: Sequence[Horizon]) -> int:

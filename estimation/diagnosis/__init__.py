@@ -1,0 +1,13 @@
+"""What the model left out: where, when, what it is, and how sure that is.
+
+candidates.py, laws.py, channels.py, frames.py, library.py     what may be missing, at which place
+supermodel.py, score.py, screen.py                             all of it looked at at once: gains, chances, what is alike
+refit.py                                                       a candidate as a full problem
+diagnose.py, shares.py, verdict.py                             the search, and its answer
+proof.py                                                       before and after on what was held out
+"""
+
+from .diagnose import diagnose
+from .verdict import Diagnosis, Errors, Explanation, Finding, HeldOut, Mismatch, Strength, Tried, Undetectable
+
+__all__ = ["Diagnosis", "Errors", "Explanation", "Finding", "HeldOut", "Mismatch", "Strength", "Tried", "Undetectable", "diagnose"]

@@ -1,0 +1,136 @@
+"""What an explanation of a mismatch is made of: an edit of the model, and the parameters in which its strength and its shape stand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from backsight.models import Model
+from backsight.models.language import Component
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
+
+
+@dataclass(frozen=True, kw_only=True)
+class Insert:
+    """A component at a place (`Model.insert`)."""
+
+    place: str
+    component: Component
+    name: str
+
+    def __call__(self, model: Model) -> Model:
+        return model.insert(self.place, self.component, self.name)
+
+    @property
+    def words(self) -> str:
+        """name = Component() at place."""
+        return f"{self.name} = {type(self.component).__name__}() at {self.place}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exchange:
+    """A component in the place of another (`Model.replace`)."""
+
+    name: str
+    component: Component
+
+    def __call__(self, model: Model) -> Model:
+        return model.replace(self.name, self.component)
+
+    @property
+    def words(self) -> str:
+        """name = Component() instead of the old one."""
+        return f"{self.name} = {type(self.component).__name__}()"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rebuild:
+    """Any other edit, by a function of the model. said: what it does, as code."""
+
+    edit: Callable[[Model], Model]
+    said: str
+
+    def __call__(self, model: Model) -> Model:
+        return self.edit(model)
+
+    @property
+    def words(self) -> str:
+        """What it does."""
+        return self.said
+
+
+Edit = Insert | Exchange | Rebuild
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """How an input or an output would read if it were otherwise: of = "input:F" or "sensor:x".
+
+    changed(time, values) (n,): what is there beside the recorded input or the modelled output, as it would be at unit strength.
+    start: parameter of the edit -> where its fit starts.
+    """
+
+    of: str
+    changed: Callable[[Array, Array], Array]
+    start: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A member of the library at a place.
+
+    edits: give the model its component, without effect while the strengths are what they are there. strengths: parameters in which the
+    effect is linear; one_sided: those of them that physics does not let be negative. shapes: parameter -> values at which the effect is
+    looked at, all of one length. quadrature: a phase; the effect is looked at with it zero and pi/2. start: further parameters that are
+    free in a fit -> (guess, least, largest).
+    absorbs: parameter of the base model -> the strength that takes its part over, which is then absent there. named: parameter of the
+    finding -> that of the model. signals: looked at instead of strengths, where the component has a memory. kept: further parameters and their values.
+    ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. dear: no score tells of it, it has to be fitted.
+    """
+
+    place: str
+    family: str
+    physics: str
+    edits: tuple[Edit, ...] = ()
+    strengths: tuple[str, ...] = ()
+    one_sided: bool = False
+    shapes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    quadrature: str | None = None
+    start: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    absorbs: Mapping[str, str] = field(default_factory=dict)
+    named: Mapping[str, str] = field(default_factory=dict)
+    signals: tuple[Signal, ...] = ()
+    kept: Mapping[str, float] = field(default_factory=dict)
+    ratio: str | None = None
+    dear: bool = False
+
+    @property
+    def rank(self) -> int:
+        """Place of its family in the order of explanations."""
+        return ORDER.index(self.family) if self.family in ORDER else len(ORDER)
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Place and physics."""
+        return self.place, self.physics
+
+    @property
+    def title(self) -> str:
+        """stribeck friction at carriage."""
+        return f"{self.physics.replace('_', ' ')} at {self.place}"
+
+    def edited(self, model: Model) -> Model:
+        """The model with it."""
+        for edit in self.edits:
+            model = edit(model)
+        return model
+
+    @property
+    def sent(self) -> Candidate:
+        """As another process needs it: what the score looks at are functions of this one."""
+        return replace(self, signals=())

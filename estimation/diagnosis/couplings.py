@@ -1,0 +1,157 @@
+"""The library of couplings that were thought to be rigid or without play: compliance, backlash, a second section of a string.
+
+They bring states of their own, so no score tells of them: they are fitted, from a few stiffnesses. A coupling with a body on one side only
+gets one on the other: a part of what was thought to be one mass. A sensor at a coupling may sit on either side of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backsight.models import Model
+from backsight.models.language import Component
+from backsight.models.mechanics import rotational as turning
+from backsight.models.mechanics import translational as sliding
+
+from .candidates import Candidate, Rebuild
+from .laws import Motion
+from .places import Spot, neighbours, node
+
+RIGID = (sliding.Rigid, turning.RotationalRigid)
+IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
+SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, turning.RotationalSpring)
+SHARE = 0.3  # of the mass behind a coupling, that before it where the model has none there
+RESONANCES = (4.0, 12.0, 40.0)  # Hz, of the stiffnesses from which fits start
+DAMPING = 0.05  # ratio
+PLAYS = (0.002, 0.01, 0.05)  # of the span of the positions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Soft:
+    """An edit: a rigid coupling becomes `component`; before: what stands on its first side where no body does; moved: a sensor to its other side."""
+
+    coupling: str
+    component: Component
+    mass: tuple[str, Component] | None
+    moved: tuple[str, str, str] | None
+
+    def __call__(self, model: Model) -> Model:
+        edited = model.replace(self.coupling, self.component)
+        if self.mass is not None:
+            name, body = self.mass
+            flange = next(iter(body.declared_connectors))
+            side = next(f for f in self.component.declared_connectors)
+            edited = replace(
+                edited,
+                components={**edited.components, name: body},
+                connections=(*edited.connections, (f"{name}.{flange}", f"{self.coupling}.{side}")),
+            )
+        if self.moved is not None:
+            sensor, old, new = self.moved
+            edited = replace(edited, connections=tuple(_swapped(pair, sensor, old, new) for pair in edited.connections))
+        return edited
+
+
+def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, float]) -> list[Candidate]:
+    """Compliance and play of a rigid coupling. masses: body -> its mass or inertia [kg or kg.m2]."""
+    if not isinstance(model.components[spot.name], RIGID):
+        return []
+    slides = spot.kind == "translational"
+    first, second = (f"{spot.name}.{f}" for f in spot.flanges)
+    before, behind = (_mass(model, end, masses) for end in (first, second))
+    if before is None and behind is None:
+        return []
+    place = place_of(model, spot)
+    whole = behind if behind is not None else before
+    assert whole is not None
+    name = f"{spot.name}_mass"
+    body: tuple[str, Component] | None = None
+    if before is None:
+        part = SHARE * whole
+        body = name, (sliding.Mass(m=part) if slides else turning.Inertia(J=part))
+    reduced = 1.0 / (1.0 / (before or SHARE * whole) + 1.0 / (behind or whole))
+    sensors = [n for n in neighbours(model, first) if any(o.variable.partition(".")[0] == n for o in model.measured.values())]
+    found = list[Candidate]()
+    for moved in (None, *sensors):
+        swap = (moved, first, second) if moved else None
+        suffix = f" and {moved} at {second}" if moved else ""
+        extra = {f"{name}.{'m' if slides else 'J'}": (SHARE * whole, 1e-4 * whole, whole)} if body else {}
+        for f in RESONANCES:
+            k = float(reduced * (2 * np.pi * f) ** 2)
+            d = float(2 * DAMPING * np.sqrt(k * reduced))
+            soft = sliding.SpringDamper(k=k, d=d) if slides else turning.RotationalSpringDamper(k=k, d=d)
+            found.append(
+                Candidate(
+                    place=place,
+                    family="transmission",
+                    physics="compliance",
+                    edits=(
+                        Rebuild(
+                            edit=Soft(coupling=spot.name, component=soft, mass=body, moved=swap),
+                            said=f"{spot.name} = {type(soft).__name__}(){suffix}",
+                        ),
+                    ),
+                    start={f"{spot.name}.k": (k, k * 1e-4, k * 1e4), f"{spot.name}.d": (d, 0.0, d * 1e4), **extra},
+                    named={"k": f"{spot.name}.k", "d": f"{spot.name}.d"},
+                    dear=True,
+                )
+            )
+        k = float(reduced * (2 * np.pi * RESONANCES[-1]) ** 2)
+        d = float(2 * 0.3 * np.sqrt(k * reduced))
+        for share in PLAYS:
+            gap = share * motion.span
+            width = gap / 50
+            loose = (
+                sliding.Backlash(gap=gap, k=k, d=d, width=width) if slides else turning.RotationalBacklash(gap=gap, k=k, d=d, width=width)
+            )
+            found.append(
+                Candidate(
+                    place=place,
+                    family="transmission",
+                    physics="backlash",
+                    edits=(
+                        Rebuild(
+                            edit=Soft(coupling=spot.name, component=loose, mass=body, moved=swap),
+                            said=f"{spot.name} = {type(loose).__name__}(){suffix}",
+                        ),
+                    ),
+                    start={f"{spot.name}.gap": (gap, 0.0, gap * 100), f"{spot.name}.k": (k, k * 1e-2, k * 1e4), **extra},
+                    named={"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"},
+                    dear=True,
+                )
+            )
+    return found
+
+
+def place_of(model: Model, spot: Spot) -> str:
+    """The body that drives an element by way of ideal couplings, or the element itself where no body does."""
+    seen, ends = {spot.name}, {f"{spot.name}.{spot.flanges[0]}"}
+    while ends:
+        here = {end.partition(".")[0] for end in node(model, ends.pop())} - seen
+        bodies = sorted(n for n in here if any(v.state for v in model.components[n].declared_variables.values()))
+        if bodies:
+            return bodies[0]
+        for name in sorted(here):
+            seen.add(name)
+            if isinstance(model.components[name], IDEAL):
+                ends |= {f"{name}.{f}" for f in model.components[name].declared_connectors} - {
+                    e for e in node(model, f"{spot.name}.{spot.flanges[0]}")
+                }
+    return spot.name
+
+
+def _mass(model: Model, end: str, masses: dict[str, float]) -> float | None:
+    """What inertia the model has at a flange, also behind ideal couplings (there its size is of no meaning: that of one body then)."""
+    there = [masses[n] for n in neighbours(model, end) if masses.get(n, 0.0) > 0]
+    return sum(there) if there else None
+
+
+def _swapped(pair: tuple[str, str], sensor: str, old: str, new: str) -> tuple[str, str]:
+    owners = {end.partition(".")[0] for end in pair}
+    if sensor not in owners:
+        return pair
+    own = next(end for end in pair if end.partition(".")[0] == sensor)
+    del old
+    return own, new

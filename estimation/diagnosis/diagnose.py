@@ -1,0 +1,302 @@
+"""The search for what a model leaves out.
+
+    smooth the base model -> score all candidates -> fit the best -> keep one that the evidence, its size and its numbers bear out -> again
+
+and then the proof on what was held out. Everything is judged with trajectories, parameters and the weights that nobody gave chosen anew.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from backsight.models import Model
+from backsight.models.errors import InputError
+
+from ..problem import Problem
+from ..recordings.split import with_held_out
+from ..results import Smoothing
+from ..smoothing.smoother import smooth
+from ..workers import workers
+from .candidates import Candidate
+from .library import library
+from .refit import Fitted, begun, fitted, settled
+from .score import Linearised
+from .screen import Screen, Screened, screen
+from .shares import FLOOR, Sizes, limits
+from .supermodel import looked_at
+from .verdict import Class, Diagnosis, Explanation, Finding, Strength, Tried, Undetectable
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Progress = Callable[[str], None]
+
+SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
+CLEAR = 6.0  # nats of evidence that an effect has to bring
+RIVAL = 3.0  # nats within which two explanations cannot be told apart
+FITTED, EACH, MOST = 5, 1, 9  # candidates that are fitted in a round: the best, of every other place, in all
+EFFECTS = 4
+SAME = 0.99999  # correlation of two effects of which one fit stands for both
+UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
+
+
+def diagnose(
+    problem: Problem,
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    keep: Path | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find what the model of a problem leaves out, name it, put it into the model, and prove the gain on what was held out.
+
+    jobs: processes of this machine, by itself as many as it has processors; scheduler: address of a Dask cluster instead. keep: a folder
+    where finished fits stay, so that an interrupted diagnosis goes on. seed: of the draws behind the p-values. Raises InputError where the
+    problem cannot be smoothed at all, or its model is not made of components.
+    """
+    began, say = time.perf_counter(), progress or (lambda _: None)
+    del keep
+    if not isinstance(problem.model, Model):
+        raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
+    recordings, split = with_held_out(problem.recordings)
+    posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
+    with workers(jobs or os.cpu_count() or 1, scheduler) as pool:
+        say("the model as it is")
+        first = smooth(posed, progress=say)
+        if not first.solver.converged:
+            raise InputError(
+                f"diagnose: the model as it is could not be smoothed ({first.solver.status.rstrip('.')}); give better guesses."
+            )
+        search = _Search(problem=posed, model=problem.model, result=first, say=say, pool=pool)
+        search.run()
+    verdict = search.verdict()
+    return Diagnosis(
+        verdict=verdict,
+        findings=tuple(search.findings),
+        before=first,
+        after=search.result,
+        repaired=replace(search.problem, recordings=recordings),
+        held_out=None,
+        undetectable=tuple(search.undetectable),
+        tried=tuple(search.tried),
+        seconds=time.perf_counter() - began,
+        seed=seed,
+        notes=tuple([split] if split else []),
+    )
+
+
+@dataclass
+class _Search:
+    """What the search has found so far: the problem with it, its model and its smoothing."""
+
+    problem: Problem
+    model: Model
+    result: Smoothing
+    say: Progress
+    pool: Executor
+    findings: list[Finding] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+    undetectable: list[Undetectable] = field(default_factory=list)
+    first_left: dict[str, float] = field(default_factory=dict)
+    left: dict[str, float] = field(default_factory=dict)
+    doubted: float = 1.0
+
+    def run(self) -> None:
+        """Rounds, until nothing more is found."""
+        for number in range(EFFECTS + 1):
+            self.say(f"round {number + 1}: scores")
+            candidates = library(self.problem, self.model, self.result)
+            solution = self.result.solution
+            assert solution is not None
+            base = Linearised(solution)
+            looks = looked_at(self.problem, self.model, self.result, base, candidates)
+            found = screen(base, looks)
+            sizes = Sizes(self.problem, self.result)
+            self.left = sizes.left
+            if not number:
+                self.first_left = sizes.left
+            if number == EFFECTS or not self._round(found, sizes, candidates):
+                self._limits(found, sizes)
+                return
+
+    def _round(self, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
+        """Fits the best candidates and keeps one; whether there was one."""
+        chosen = _chosen(found, sizes)
+        dear = [c for c in candidates if c.dear] if max(sizes.left.values(), default=0.0) > FLOOR else []
+        if not chosen and not dear:
+            return False
+        values = {p.name: p.value for p in self.result.parameters.values()}
+        problem = settled(self.problem, self.result)
+        blob = pickle.dumps((problem, self.model, self.result.solution))
+        wanted = [(s.candidate, s, begun(s.candidate, s, values)) for s in chosen] + [(c, None, begun(c, None, values)) for c in dear]
+        self.say(f"fits of {len(wanted)} candidates")
+        futures = [self.pool.submit(fit, blob, c.sent, start) for c, _, start in wanted]
+        fits = []
+        for k, ((c, s, _), future) in enumerate(zip(wanted, futures, strict=True)):
+            fits.append((c, s, future.result()))
+            self.say(f"fit {k + 1} of {len(wanted)}: {c.title}")
+        now = self.result.criteria.log_evidence if self.result.criteria and self.result.criteria.log_evidence is not None else -np.inf
+        fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
+        self._remember(fits, now)
+        good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and _sound(c, f)]
+        if not good:
+            return False
+        best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, -f[2].evidence))
+        self._keep(best, fits, found, sizes, now)
+        return True
+
+    def _remember(self, fits: list[tuple[Candidate, Screened | None, Fitted]], now: float) -> None:
+        for c, s, f in fits:
+            explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f))
+            gained = f.evidence - now if np.isfinite(f.evidence) else None
+            self.tried.append(Tried(explanation=explanation, predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
+
+    def _keep(
+        self,
+        best: tuple[Candidate, Screened | None, Fitted],
+        fits: list[tuple[Candidate, Screened | None, Fitted]],
+        found: Screen,
+        sizes: Sizes,
+        now: float,
+    ) -> None:
+        c, s, f = best
+        assert f.problem is not None and f.model is not None and f.whole is not None
+        rivals, others = list[Explanation](), list[Explanation]()
+        for d, _, g in fits:
+            if d.key == c.key:
+                continue
+            gap = f.evidence - g.evidence
+            e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g))
+            if gap < RIVAL and _sound(d, g):
+                rivals.append(e)
+            elif np.isfinite(gap):
+                others.append(e)
+        if s is not None:
+            rivals += [
+                Explanation(place=o.candidate.place, family=o.candidate.family, physics=o.candidate.physics)
+                for o in found.found
+                if o.candidate.key != c.key
+                and o.candidate.key not in {(r.place, r.physics) for r in rivals + others}
+                and found.alike(s, o) > SAME
+            ]
+        share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
+        self.findings.append(
+            Finding(
+                explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f)),
+                p_value=found.chance(s.gain) if s is not None else 1.0 / 1001,
+                gain=float(f.evidence - now),
+                change="; ".join(_change(c, f)),
+                share=share,
+                alternatives=tuple(others),
+                rivals=tuple(rivals),
+            )
+        )
+        self.problem, self.model, self.result = replace(f.problem, model=f.model), f.model, f.whole
+
+    def _limits(self, found: Screen, sizes: Sizes) -> None:
+        units = {p.name: p.unit for s in found.found for p in _declared(s.candidate)}
+        skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}
+        self.undetectable = limits(found, sizes, units, skipped)
+
+    def verdict(self) -> Class:
+        """One word for what was found."""
+        if not self.findings:
+            return "unknown_physics" if max(self.left.values(), default=0.0) > FLOOR else "none"
+        explained = [1.0 - (self.left.get(p, 0.0) / was) ** 2 for p, was in self.first_left.items() if was > FLOOR]
+        if explained and max(explained) < UNEXPLAINED:
+            return "unknown_physics"
+        first = self.findings[0]
+        kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
+        if len(kinds) > 1:
+            return "undecided"
+        return kinds.pop()
+
+
+def _class(family: str) -> Class:
+    classes: dict[str, Class] = {"parameter": "parameter", "sensor": "sensor", "actuator": "input"}
+    return classes.get(family, "missing_physics")
+
+
+def _chosen(found: Screen, sizes: Sizes) -> list[Screened]:
+    """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
+
+    The best of all, and the best of every place: what no output shows at once is scored less well than it fits.
+    """
+    worth = list[Screened]()
+    for s in found.found:
+        if found.chance(s.gain) > SURE or (s.candidate.family != "sensor" and not _matters(s, sizes)):
+            continue
+        if not any(found.alike(o, s) > SAME for o in worth):
+            worth.append(s)
+    chosen, places = worth[:FITTED], Counter(s.candidate.place for s in worth[:FITTED])
+    for s in worth[FITTED:]:
+        if places[s.candidate.place] < EACH and len(chosen) < MOST:
+            chosen.append(s)
+            places[s.candidate.place] += 1
+    return chosen
+
+
+def _matters(s: Screened, sizes: Sizes) -> bool:
+    return max(sizes.shares(s.look, s.estimate).values(), default=0.0) > FLOOR / 2
+
+
+def _sound(c: Candidate, f: Fitted) -> bool:
+    """Whether its strengths are told, and not on a bound."""
+    if f.result is None:
+        return False
+    names = [*c.strengths] or [*c.start]
+    return any(f.result.parameters[n].std is not None for n in names if n in f.result.parameters)
+
+
+def _strengths(c: Candidate, f: Fitted) -> dict[str, Strength]:
+    if f.result is None:
+        return {}
+    return {
+        word: Strength(value=p.value, std=p.std, unit=p.unit)
+        for word, path in c.named.items()
+        if (p := f.result.parameters.get(path)) is not None
+    }
+
+
+def _change(c: Candidate, f: Fitted) -> list[str]:
+    said = [edit.words for edit in c.edits]
+    values = {} if f.result is None else {p: f.result.parameters[p].value for p in c.named.values() if p in f.result.parameters}
+    said += [f"{name} = {value:.6g}" for name, value in values.items()]
+    return said + [f"{name} = 0" for name in c.absorbs]
+
+
+def _declared(c: Candidate) -> list[_Unit]:
+    found = []
+    for edit in c.edits:
+        component = getattr(edit, "component", None)
+        if component is not None:
+            name = getattr(edit, "name", "")
+            found += [_Unit(name=f"{name}.{w}", unit=p.unit) for w, p in component.declared_parameters.items()]
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Unit:
+    name: str
+    unit: str
+
+
+def fit(blob: bytes, candidate: Candidate, start: dict[str, float]) -> Fitted:
+    """A candidate's fit, in a worker."""
+    problem, model, solution = _shared(blob)
+    return fitted(problem, model, solution, candidate, start)
+
+
+@lru_cache(maxsize=1)
+def _shared(blob: bytes) -> tuple:  # type: ignore[type-arg]
+    found: tuple = pickle.loads(blob)  # type: ignore[type-arg]
+    return found

@@ -1,0 +1,228 @@
+"""The library of laws for bodies that slide or turn, against the ground and between two flanges, as data.
+
+A law is a component of `models.mechanics` whose force is linear in its strengths; what is not linear is a shape, looked at on a grid that
+hangs on how the machine moved: v_rms its velocity, span and middle of its positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import inf, pi
+
+import numpy as np
+
+from backsight.models import Model
+from backsight.models.language import Component
+from backsight.models.mechanics import rotational as turning
+from backsight.models.mechanics import translational as sliding
+
+from ..smoothing.rest import ROUNDING, VELOCITY_UNITS
+from .candidates import Candidate, Insert
+from .places import Spot, at_hand
+
+FINEST = 60.0  # periods in the span of the positions, at most
+SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
+SHAPES = 7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """How a place moved and was pushed: rms velocity, least and largest position, rms force [SI]; interval [s] from sample to sample."""
+
+    v_rms: float
+    low: float
+    high: float
+    force: float
+    interval: float
+
+    @property
+    def span(self) -> float:
+        """Largest less least position."""
+        return self.high - self.low
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """A member of the library.
+
+    make: (kind, motion) -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
+    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strength.
+    """
+
+    family: str
+    physics: str
+    make: Callable[[str, Motion], Component]
+    strengths: tuple[str, ...]
+    one_sided: bool = True
+    shapes: Callable[[Motion], Mapping[str, tuple[float, ...]]] = field(default=lambda _: {})
+    quadrature: str | None = None
+    absorbs: Mapping[str, str] = field(default_factory=dict)
+    named: Mapping[str, str] = field(default_factory=dict)
+    ratio: str | None = None
+    label: str = ""
+
+
+def _velocities(motion: Motion) -> tuple[float, ...]:
+    return tuple(float(v) for v in motion.v_rms * np.geomspace(SLOWEST, FASTEST, SHAPES))
+
+
+def _periods(motion: Motion) -> tuple[float, ...]:
+    """Evenly spaced in their inverse, so closely that two neighbours differ by half a period over the span."""
+    if not motion.span > 0:
+        return ()
+    waves = np.arange(1.0, FINEST, 0.5)
+    return tuple(float(p) for p in motion.span / waves)
+
+
+def _component(slide: str, turn: str, **values: float) -> Callable[[str, Motion], Component]:
+    def make(kind: str, motion: Motion) -> Component:
+        del motion
+        made: Component = getattr(sliding, slide)(**values) if kind == "translational" else getattr(turning, turn)(**values)
+        return made
+
+    return make
+
+
+# word of a sliding law -> that of a turning one
+TURNED = {
+    "f_c": "tau_c",
+    "f_s": "tau_s",
+    "v_s": "omega_s",
+    "f_plus": "tau_plus",
+    "f_minus": "tau_minus",
+    "f_sl": "tau_sl",
+    "f_st": "tau_st",
+}
+TURNED |= {"f": "tau", "m": "J", "s_rel0": "phi_rel0"}
+
+AGAINST_GROUND: tuple[Law, ...] = (
+    Law(family="friction", physics="viscous_friction", make=_component("Friction", "RotationalFriction"), strengths=("d",)),
+    Law(family="friction", physics="coulomb_friction", make=_component("Friction", "RotationalFriction"), strengths=("f_c",)),
+    Law(
+        family="friction",
+        physics="stribeck_friction",
+        make=_component("StribeckFriction", "RotationalStribeckFriction"),
+        strengths=("f_c", "f_s"),
+        shapes=lambda m: {"v_s": _velocities(m)},
+        absorbs={"f_c": "f_c"},
+    ),
+    Law(
+        family="friction",
+        physics="logarithmic_friction",
+        make=_component("LogarithmicFriction", "RotationalLogarithmicFriction"),
+        strengths=("b", "c"),
+        one_sided=False,
+        absorbs={"f_c": "c"},
+    ),
+    Law(
+        family="friction",
+        physics="asymmetric_friction",
+        make=_component("AsymmetricFriction", "RotationalAsymmetricFriction"),
+        strengths=("d_plus", "d_minus"),
+        absorbs={"d": "d_plus d_minus"},
+    ),
+    Law(
+        family="friction",
+        physics="asymmetric_friction",
+        make=_component("AsymmetricFriction", "RotationalAsymmetricFriction"),
+        strengths=("f_plus", "f_minus"),
+        label="asymmetric_level",
+        absorbs={"f_c": "f_plus f_minus"},
+    ),
+    Law(
+        family="friction",
+        physics="position_dependent_friction",
+        make=_component("PositionDependentFriction", "RotationalPositionDependentFriction", amplitude=1.0),
+        strengths=("f_c",),
+        one_sided=False,
+        absorbs={"f_c": "f_c"},
+        ratio="amplitude",
+        shapes=lambda m: {"period": tuple(p for p in _periods(m) if p > m.span / 12)},
+        quadrature="phase",
+    ),
+    Law(
+        family="periodic",
+        physics="cogging",
+        make=_component("Cogging", "RotationalCogging"),
+        strengths=("amplitude",),
+        one_sided=False,
+        shapes=lambda m: {"period": _periods(m)},
+        quadrature="phase",
+    ),
+    Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False),
+    Law(
+        family="potential",
+        physics="cubic_spring",
+        make=_component("CubicSpring", "RotationalCubicSpring"),
+        strengths=("k3",),
+        one_sided=False,
+    ),
+    Law(family="fluid", physics="quadratic_drag", make=_component("Drag", "RotationalDrag"), strengths=("c",)),
+    Law(family="external", physics="constant_force", make=_component("ConstantForce", "ConstantTorque"), strengths=("f",), one_sided=False),
+    Law(family="inertia", physics="added_mass", make=_component("AddedMass", "AddedInertia"), strengths=("m",)),
+)
+
+BETWEEN: tuple[Law, ...] = (
+    Law(family="transmission", physics="damping", make=_component("Damper", "RotationalDamper", d=0.0), strengths=("d",)),
+    Law(family="friction", physics="coulomb_friction", make=_component("Friction", "RotationalFriction"), strengths=("f_c",)),
+    Law(
+        family="potential",
+        physics="cubic_spring",
+        make=_component("CubicSpring", "RotationalCubicSpring"),
+        strengths=("k3",),
+        one_sided=False,
+    ),
+)
+
+NAMES = {"f": "f", "tau": "f", "omega_s": "v_s", "J": "m"}  # words of components -> those of findings, where they differ
+
+
+def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
+    """The law at a place."""
+    component = _rounded(law.make(spot.kind, motion), motion)
+    name = _free(model, f"{law.label or law.physics}_{spot.name}")
+    own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in (*law.strengths, "v_s", "period", "amplitude")}
+    there = at_hand(model, spot, tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c"})) if len(spot.flanges) == 1 else {}
+    absorbed = {}
+    for word, strengths in law.absorbs.items():
+        base = there.get(word) or there.get(TURNED.get(word, word))
+        if base:
+            absorbed[base] = " ".join(f"{name}.{own.get(w, w)}" for w in strengths.split())
+    shapes = {f"{name}.{own.get(word, word)}": grid for word, grid in law.shapes(motion).items()}
+    declared = component.declared_parameters
+    strengths = tuple(f"{name}.{own[w]}" for w in law.strengths)
+    words = [own[w] for w in law.strengths] + [own.get(w, w) for w in law.shapes(motion)] + [w for w in (law.ratio, law.quadrature) if w]
+    return Candidate(
+        place=spot.name,
+        family=law.family,
+        physics=law.physics,
+        edits=(Insert(place=_at(spot), component=component, name=name),),
+        strengths=strengths,
+        one_sided=law.one_sided,
+        shapes=shapes,
+        quadrature=f"{name}.{law.quadrature}" if law.quadrature else None,
+        start={path: (grid[0] if grid else 1.0, declared[path.rpartition(".")[2]].min, inf) for path, grid in shapes.items()}
+        | ({f"{name}.{law.quadrature}": (0.0, -3 * pi, 3 * pi)} if law.quadrature else {}),
+        absorbs=absorbed,
+        ratio=f"{name}.{law.ratio}" if law.ratio else None,
+        named={NAMES.get(w, w): f"{name}.{w}" for w in words},
+    )
+
+
+def _rounded(component: Component, motion: Motion) -> Component:
+    """Its sign rounded as smoothing rounds those of the model, so that two laws of one kind are one."""
+    declared = component.declared_parameters.get("width")
+    if declared is None or not declared.smoothing or declared.unit not in VELOCITY_UNITS:
+        return component
+    return component.with_values(width=max(ROUNDING * motion.v_rms, declared.min))
+
+
+def _at(spot: Spot) -> str:
+    return spot.name if len(spot.flanges) == 2 else f"{spot.name}.{spot.flanges[0]}"
+
+
+def _free(model: Model, name: str) -> str:
+    while name in model.components:
+        name += "_"
+    return name

@@ -1,0 +1,183 @@
+"""Everything that may be missing in a model: laws at its bodies and elements, what inputs and sensors may do, and its fixed parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backsight.models import Dae, Model
+from backsight.models.mechanics.rotational import EccentricRack, Rack
+
+from ..problem import Free, Problem
+from ..results import Smoothing
+from ..smoothing.along import along, forces
+from ..smoothing.smoother import followed_by
+from .candidates import Candidate, Exchange
+from .channels import of_input, of_sensor
+from .couplings import of_coupling
+from .laws import AGAINST_GROUND, BETWEEN, Motion, of_law
+from .places import Spot, bodies, elements
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+LOOKED_AT = 2000  # places of a recording where motions are looked at
+UNITS = ("N", "N.m")
+
+
+def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate]:
+    """All candidates of a model."""
+    found = list[Candidate]()
+    solution = result.solution
+    if solution is None:
+        return found
+    dae = solution.transcription.dae
+    motions = _Motions(problem, result)
+    for spot in bodies(model):
+        merged = dae.merged_places.get(spot.name, spot.name) != spot.name
+        unit = next((p.unit for p in dae.places if p.name == spot.name), "N")
+        if merged or unit not in UNITS:
+            continue
+        motion = motions.of(spot)
+        if motion is not None:
+            found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
+    for spot in elements(model):
+        motion = motions.of(spot)
+        if motion is not None:
+            found += [of_law(law, model, spot, motion) for law in BETWEEN]
+            found += of_coupling(model, spot, motion, _masses(dae, solution.parameters))
+    found += _kinematic(model) + _frames(model)
+    t = solution.transcription
+    interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
+    duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
+    for name in model.inputs:
+        k = [q.name for q in dae.inputs].index(name)
+        found += of_input(model, name, [h.inputs[:, k] for h in t.horizons], interval, duration)
+    read = [q.name for i, q in enumerate(dae.outputs) if any(np.isfinite(h.target[:, i]).any() for h in t.horizons)]
+    for name in read:
+        owner = model.measured[name].variable.partition(".")[0]
+        others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
+        found += of_sensor(model, name, others, interval, duration)
+    return found + _fixed(problem, model, dae, solution.parameters)
+
+
+def _masses(dae: Dae, values: Array) -> dict[str, float]:
+    """Component -> its mass or moment of inertia."""
+    sized = {}
+    for info, value in zip(dae.parameters, values.tolist(), strict=True):
+        owner, _, word = info.name.partition(".")
+        if word in ("m", "J"):
+            sized[owner] = value
+    return sized
+
+
+def _kinematic(model: Model) -> list[Candidate]:
+    """Wheels that are not round."""
+    found = []
+    for name, component in model.components.items():
+        measured = {o.variable.partition(".")[0] for o in model.measured.values()}
+        ends = {
+            end.partition(".")[0]
+            for pair in model.connections
+            for end in pair
+            if name in (pair[0].partition(".")[0], pair[1].partition(".")[0])
+        }
+        if type(component) is not Rack or ends & measured:
+            continue
+        wheel = EccentricRack(r=component.parameters["r"]) if f"{name}.r" not in model.bindings else EccentricRack()
+        drive = next(
+            (e.partition(".")[0] for pair in model.connections if f"{name}.wheel" in pair for e in pair if not e.startswith(f"{name}.")),
+            name,
+        )
+        found.append(
+            Candidate(
+                place=drive,
+                family="periodic",
+                physics="eccentricity",
+                edits=(Exchange(name=name, component=wheel),),
+                strengths=(f"{name}.amplitude",),
+                quadrature=f"{name}.phase",
+                start={f"{name}.phase": (0.0, -3 * np.pi, 3 * np.pi)},
+                named={"amplitude": f"{name}.amplitude", "phase": f"{name}.phase"},
+            )
+        )
+    return found
+
+
+def _frames(model: Model) -> list[Candidate]:
+    from .frames import of_frames
+
+    return of_frames(model)
+
+
+def _fixed(problem: Problem, model: Model, dae: Dae, values: Array) -> list[Candidate]:
+    """Every parameter that was taken for known."""
+    measured = {o.variable.partition(".")[0] for o in model.measured.values()}
+    found = []
+    for info, value in zip(dae.parameters, values, strict=True):
+        owner = info.name.partition(".")[0]
+        given = problem.parameters.get(info.name)
+        if isinstance(given, Free) or info.smoothing or value == 0 or owner in measured or info.unit == "rad":
+            continue
+        if given is None and not _told(info.name, model):
+            continue
+        size = abs(float(value))
+        found.append(
+            Candidate(
+                place=owner,
+                family="parameter",
+                physics="wrong_parameter",
+                strengths=(info.name,),
+                start={info.name: (float(value), max(info.minimum, float(value) - 0.9 * size), min(info.maximum, float(value) + 9 * size))},
+                named={info.name: info.name},
+            )
+        )
+    return found
+
+
+def _told(name: str, model: Model) -> bool:
+    """Whether a parameter that the study does not name is a property of the machine: not a constant of nature, nor of a neutral block."""
+    owner, _, word = name.partition(".")
+    return word != "g" and not (owner in model.components and model.components[owner].parameters.get(word) == 1.0)
+
+
+class _Motions:
+    """How bodies and elements moved."""
+
+    def __init__(self, problem: Problem, result: Smoothing) -> None:
+        assert result.solution is not None
+        self._solution = result.solution
+        self._followed = followed_by(result.solution)
+        self._forces = forces(problem, self._followed, result.solution.parameters)
+
+    def of(self, spot: Spot) -> Motion | None:
+        """None where the model has no such motion."""
+        t = self._solution.transcription
+        dae = t.dae
+        position, velocity = self._named(dae, spot)
+        if velocity is None:
+            return None
+        s, v, steps = list[Array](), list[Array](), list[float]()
+        for number, horizon in enumerate(t.horizons):
+            times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT)
+            v.append(along(dae, velocity, self._followed, number, times, self._solution.parameters).ravel())
+            if position is not None:
+                s.append(along(dae, position, self._followed, number, times, self._solution.parameters).ravel())
+            steps.append(float(np.median(np.diff(horizon.time))))
+        rms = float(np.sqrt(np.mean(np.concatenate(v) ** 2)))
+        where = np.concatenate(s) if s else np.zeros(1)
+        k = next((i for i, p in enumerate(dae.places) if p.name == spot.name), None)
+        force = self._forces.get(k, 1.0) if k is not None else 1.0
+        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), force=force, interval=min(steps)) if rms > 0 else None
+
+    def _named(self, dae: Dae, spot: Spot) -> tuple[object | None, object | None]:
+        variables = dae.variables
+        words = (
+            (("s", "v"), ("phi", "omega"))
+            if len(spot.flanges) == 1
+            else (("s_rel", "v_rel"), ("phi_rel", "omega_rel"), ("dphi", "omega_rel"), ("flange_b.s", None), ("flange_b.phi", None))
+        )
+        for where, rate in words:
+            if rate is not None and f"{spot.name}.{rate}" in variables:
+                return variables.get(f"{spot.name}.{where}"), variables[f"{spot.name}.{rate}"]
+            if rate is None and f"{spot.name}.{where}" in variables:
+                return variables[f"{spot.name}.{where}"], variables[f"{spot.name}.{where}"]
+        return None, None

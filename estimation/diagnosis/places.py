@@ -1,0 +1,93 @@
+"""Where in a model physics can be attached, what kind of connector is there, and what the model has there already."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from backsight.models import Model
+from backsight.models.connectors import Rotational, Translational
+from backsight.models.language import Connector
+from backsight.models.model import GROUNDS
+
+KINDS: dict[type[Connector], str] = {Translational: "translational", Rotational: "rotational"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spot:
+    """A body or a joint ("flange" is its one flange of that kind), or an element between two flanges (both)."""
+
+    name: str
+    kind: str
+    flanges: tuple[str, ...]
+
+
+def bodies(model: Model) -> list[Spot]:
+    """Components with one flange that carry a balance, and the axes of joints."""
+    return [spot for spot in _spots(model) if len(spot.flanges) == 1]
+
+
+def elements(model: Model) -> list[Spot]:
+    """Components between two flanges of one kind, neither of which is held by the ground."""
+    held = {end for ground in _grounds(model) for end in node(model, f"{ground}.{_first(model, ground)}")}
+    return [spot for spot in _spots(model) if len(spot.flanges) == 2 and not held & {f"{spot.name}.{f}" for f in spot.flanges}]
+
+
+def node(model: Model, flange: str) -> set[str]:
+    """All flanges that are joined to this one, itself among them."""
+    found, new = {flange}, {flange}
+    while new:
+        new = {b for pair in model.connections for a, b in (pair, pair[::-1]) if a in new} - found
+        found |= new
+    return found
+
+
+def neighbours(model: Model, flange: str) -> set[str]:
+    """Components with a flange there."""
+    return {end.partition(".")[0] for end in node(model, flange)}
+
+
+def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, str]:
+    """Word -> parameter of that name of a component at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
+    found: dict[str, str] = {}
+    grounds = set(_grounds(model))
+    for owner in sorted(neighbours(model, f"{spot.name}.{spot.flanges[0]}")):
+        component = model.components[owner]
+        others = [
+            f"{owner}.{f}" for f in component.declared_connectors if f"{owner}.{f}" not in node(model, f"{spot.name}.{spot.flanges[0]}")
+        ]
+        if owner != spot.name and not all(neighbours(model, end) & grounds for end in others):
+            continue  # between this body and another
+        for word in words:
+            if word in component.declared_parameters:
+                found.setdefault(word, f"{owner}.{word}")
+    return found
+
+
+def _spots(model: Model) -> Iterator[Spot]:
+    grounds = set(_grounds(model))
+    measured = {output.variable.partition(".")[0] for output in model.measured.values()}
+    for name, component in model.components.items():
+        if name in grounds or name in measured:
+            continue
+        for kind, word in KINDS.items():
+            own = tuple(port for port, c in component.declared_connectors.items() if type(c) is kind)
+            if len(own) == 2 and len(component.declared_connectors) == 2:
+                yield Spot(name=name, kind=word, flanges=own)
+            if len(own) == 1 and (_has_balance(component, name) or own == ("axis",)):
+                yield Spot(name=name, kind=word, flanges=own)
+
+
+def _has_balance(component: object, name: str) -> bool:
+    del name
+    declared = getattr(component, "declared_variables", {})
+    return any(v.state for v in declared.values())
+
+
+def _grounds(model: Model) -> list[str]:
+    kinds = tuple(GROUNDS.values())
+    return [name for name, c in model.components.items() if isinstance(c, kinds)]
+
+
+def _first(model: Model, name: str) -> str:
+    return next(iter(model.components[name].declared_connectors), "")

@@ -1,0 +1,131 @@
+"""A candidate as a full problem: the edited model with its parameters free beside those of the base model, smoothed anew.
+
+Weights that the base problem leaves open are chosen again, so what the candidate explains leaves the residual forces. A candidate without
+states of its own starts where the base model arrived; one with states from the samples, as any smoothing does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backsight.models import Model, compile_model
+from backsight.models.errors import InputError, ModelError
+from backsight.ocp import Solution
+
+from ..problem import Free, Problem
+from ..results import Smoothing
+from ..smoothing.smoother import smooth
+from .candidates import Candidate
+from .screen import Screened
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """A candidate after its fit. model: with it; failed: why there is no result."""
+
+    candidate: Candidate
+    problem: Problem | None = None
+    model: Model | None = None
+    result: Smoothing | None = None
+    solution: Solution | None = None
+    failed: str = ""
+
+    @property
+    def whole(self) -> Smoothing | None:
+        """The result with its solution, which a result alone leaves behind where it comes from another process."""
+        return None if self.result is None else replace(self.result, solution=self.solution)
+
+    @property
+    def evidence(self) -> float:
+        """Log evidence; -inf where the fit failed."""
+        r = self.result
+        if r is None or not r.solver.converged or r.criteria is None or r.criteria.log_evidence is None:
+            return -np.inf
+        return r.criteria.log_evidence
+
+
+def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[str, float]) -> tuple[Problem, Model]:
+    """The problem with a candidate in its model. start: parameter -> where it begins."""
+    edited = candidate.edited(model)
+    parameters: dict[str, Free | float] = dict(problem.parameters)
+    places = [name for name in problem.weights.W if name in {p.name for p in compile_model(edited).dormant_places}]
+    dae = compile_model(edited, places=places) if places else compile_model(edited)
+    info = {p.name: p for p in dae.parameters}
+    for base in candidate.absorbs:
+        if base in info:
+            parameters[base] = 0.0
+    for name in list(parameters):
+        if name not in info:
+            del parameters[name]
+    parameters |= candidate.kept
+    for name in (*candidate.strengths, *candidate.start):
+        if name in candidate.kept:
+            continue
+        guess, low, high = candidate.start.get(name, (info[name].value, info[name].minimum, info[name].maximum))
+        low, high = max(low, info[name].minimum), min(high, info[name].maximum)
+        value = start.get(name, guess)
+        parameters[name] = Free(float(np.clip(value, low, high)), low, high)
+    return replace(problem, model=dae, parameters=parameters), edited
+
+
+def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, float]) -> dict[str, float]:
+    """Where the fit of a candidate starts, by its score and the base model's parameters."""
+    start = {name: guess for name, (guess, _, _) in candidate.start.items()}
+    if screened is None:
+        return start
+    start |= screened.look.shape
+    if candidate.signals:
+        return start
+    a = screened.estimate
+    if candidate.quadrature:
+        first, second = a[: len(a) // 2], a[len(a) // 2 :]
+        size = float(np.hypot(first[0], second[0]))
+        start[candidate.quadrature] = float(np.arctan2(second[0], first[0]))
+        name = candidate.strengths[0]
+        if candidate.ratio:
+            level = sum(values[base] for base in candidate.absorbs) or size
+            start[name], start[candidate.ratio] = level, min(size / level, 0.9) if level > 0 else 0.5
+        else:
+            start[name] = size
+        return start
+    for name, value in zip(candidate.strengths, a, strict=True):
+        start[name] = values.get(name, 0.0) + float(value)
+    for base, names in candidate.absorbs.items():
+        for name in names.split():
+            if name in start:
+                start[name] += values.get(base, 0.0)
+    return start
+
+
+def fitted(problem: Problem, model: Model, begin: Solution | None, candidate: Candidate, start: Mapping[str, float]) -> Fitted:
+    """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
+    try:
+        now, edited = posed(problem, model, candidate, start)
+        result = smooth(now, begin=_same_states(begin, now))
+    except (InputError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return Fitted(candidate=candidate, failed=str(error))
+    return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)
+
+
+def settled(problem: Problem, result: Smoothing) -> Problem:
+    """The problem with what was found as its guesses."""
+    values = {p.name: p.value for p in result.parameters.values()}
+    known = {
+        name: replace(free, guess=float(np.clip(values[name], free.min, free.max))) if isinstance(free, Free) and name in values else free
+        for name, free in problem.parameters.items()
+    }
+    return replace(problem, parameters=known)
+
+
+def _same_states(begin: Solution | None, problem: Problem) -> Solution | None:
+    """The base model's solution, if its unknowns are those of the problem."""
+    if begin is None or not begin.solved.status.converged:
+        return None
+    old, new = begin.transcription.dae, problem.posed.dae
+    same = [q.name for q in old.states] == [q.name for q in new.states] and len(old.algebraics) == len(new.algebraics)
+    return begin if same else None

@@ -1,0 +1,231 @@
+"""Score tests: what every strength of a candidate would gain, from one factorisation of the base model's smoothing problem.
+
+With r the scaled rows at the solution, J their derivative in trajectory and parameters, s that in a strength a that is nothing now, the
+problem linearised about the solution is min |r + J dX + s a|^2/2 subject to g + A dX + s_g a = 0. Trajectory, residual forces and
+parameters projected out, as every hypothesis must have its own,
+
+    [G b; b' c] = [s r]'[s r] - q'K^-1 q,     q = [J'[s r]; [s_g g]],  K = [J'J A'; A 0]
+    a^ = -G^-1 b,    cov a^ = G^-1,    2 log(likelihood ratio) = b'G^-1 b
+
+(C. R. Rao, Proc. Cambridge Phil. Soc. 44, 1948; nothing is differentiated and regressed). b ~ N(0, G) where nothing is missing and the weights
+are right. Entries of G between candidates tell which of them these recordings can tell apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+
+from backsight.models import Dae
+from backsight.ocp import Horizon, ParameterPrior, Solution, Transcription, transcribe
+from backsight.ocp.nlp import Values
+
+from ..weighing.kkt import Kkt, gauss_newton
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+SAME = 1e-5  # of a row: more is another model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Derivatives of the rows in n strengths: of the squares (R, n), and of the rows with multipliers, each over its size (M, n)."""
+
+    squares: Array
+    multiplied: Array
+
+    def __len__(self) -> int:
+        return self.squares.shape[1]
+
+    def taken(self, columns: Array) -> Columns:
+        """Some of them."""
+        return Columns(squares=self.squares[:, columns], multiplied=self.multiplied[:, columns])
+
+    @staticmethod
+    def joined(parts: list[Columns]) -> Columns:
+        """Side by side."""
+        return Columns(squares=np.hstack([p.squares for p in parts]), multiplied=np.hstack([p.multiplied for p in parts]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """Of n strengths: b (n,), G (n, n), and their squares before anything is projected out, (n,)."""
+
+    b: Array
+    G: Array
+    plain: Array
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The smoothing problem of a solution, linearised there."""
+
+    solution: Solution
+
+    def scores(self, columns: Columns) -> Scores:
+        """Score and information of strengths."""
+        s, m = np.column_stack([columns.squares, self._squares]), np.column_stack([columns.multiplied, self._multiplied])
+        q = np.concatenate([self._kkt.free[:, None] * (self._J.T @ s), m])
+        G = s.T @ s - q.T @ self._kkt.solved(q)
+        G = (G + G.T) / 2
+        plain = np.sum(columns.squares**2, axis=0) + np.sum((columns.multiplied * self.sizes[:, None]) ** 2, axis=0)
+        return Scores(b=G[:-1, -1], G=G[:-1, :-1], plain=plain)
+
+    @cached_property
+    def sizes(self) -> Array:
+        """By which the rows that have multipliers are divided, (M,)."""
+        s = self.solution
+        _, _, d = s.solver.kkt(s.solved.decisions, s.values)
+        return np.where(d > 0, 1.0 / np.sqrt(np.where(d > 0, d, 1.0)), 1.0)
+
+    @cached_property
+    def _kkt(self) -> Kkt:
+        return gauss_newton(self.solution)
+
+    @cached_property
+    def _J(self) -> sp.csc_matrix:
+        s = self.solution
+        evaluated, X = s.transcription.nlp.assembled.evaluated, s.values.scaled(s.solved.decisions)
+        terms = s.transcription.nlp.terms
+        return evaluated.jacobian([evaluated.linearised(k, X, s.values) for k, t in enumerate(terms) if not (t.equality or t.heavy)])
+
+    @cached_property
+    def _squares(self) -> Array:
+        rows = zip(self.solution.transcription.nlp.terms, self.solution.rows, strict=True)
+        return np.concatenate([r.T.ravel() for t, r in rows if not (t.equality or t.heavy)])
+
+    @cached_property
+    def _multiplied(self) -> Array:
+        rows = zip(self.solution.transcription.nlp.terms, self.solution.rows, strict=True)
+        parts = [r.T.ravel() for t, r in rows if t.equality or t.heavy]
+        return (np.concatenate(parts) if parts else np.empty(0)) / self.sizes
+
+
+class Enlarged:
+    """A model that holds that of a solution and more: the same equations where its strengths have the values `parameters` (np_all,).
+
+    strengths: indices of these among its parameters. horizons: of the solution, with further inputs where the model has them.
+    Raises ValueError where the rows at the solution are not the same.
+    """
+
+    def __init__(self, base: Linearised, dae: Dae, strengths: list[int], horizons: tuple[Horizon, ...], parameters: Array) -> None:
+        self._base, self._dae, self._strengths = base, dae, strengths
+        s, t = base.solution, base.solution.transcription
+        names, places = [p.name for p in dae.parameters], [p.name for p in dae.places]
+        free = [names.index(t.dae.parameters[i].name) for i in t.nlp.free]
+        count = len(free) + len(strengths)
+        self._program: Transcription = transcribe(
+            dae,
+            horizons,
+            free=[*free, *strengths],
+            prior=ParameterPrior(mean=np.zeros(count), std=np.full(count, np.inf)),
+            force_std={places.index(t.dae.places[k].name): float(std) for k, std in zip(t.soft, t.force_std, strict=True)},
+            method=t.method,
+            degree=t.degree,
+        )
+        at = {term.name: k for k, term in enumerate(t.nlp.terms)}
+        terms = self._program.nlp.terms
+        if [term.name for term in t.nlp.terms if term.name != "parameter prior"] != [term.name for term in terms]:
+            raise ValueError("the larger model has other kinds of equations")
+        self._numbered = [at[term.name] for term in terms]
+        order = {t.dae.places[k].name: i for i, k in enumerate(t.soft)}
+        if [order[dae.places[k].name] for k in self._program.soft] != list(range(len(t.soft))):
+            raise ValueError("the larger model has its places in another order")
+        self.check(parameters)
+
+    def check(self, parameters: Array) -> None:
+        """Raises ValueError where the rows at the solution are not the same."""
+        values, decisions = self._values(parameters)
+        rows = self._program.nlp.assembled.evaluated.rows(values.scaled(decisions), values)
+        for k, row, term in zip(self._numbered, rows, self._program.nlp.terms, strict=True):
+            own = self._base.solution.rows[k]
+            if row.shape != own.shape or not np.allclose(row, own, rtol=SAME, atol=SAME * max(1.0, float(np.abs(own).max(initial=0.0)))):
+                raise ValueError(f"the larger model does not hold the solution: {term.name} differ")
+
+    def columns(self, parameters: Array) -> Columns:
+        """The derivatives in all strengths, with these values of the other parameters."""
+        values, decisions = self._values(parameters)
+        n, own = len(self._strengths), self._base.solution.transcription.nlp
+        squares, multiplied = list[Array](), list[Array]()
+        for number, term in enumerate(self._program.nlp.terms):
+            part = self._derivative(number, values, decisions)
+            (multiplied if term.equality or term.heavy else squares).append(part.reshape(-1, n))
+        for k, term in enumerate(own.terms):  # what is known beforehand of the parameters comes last, and no strength is in it
+            if k not in self._numbered:
+                squares.append(np.zeros((term.target.size, n)))
+        tail = np.concatenate(multiplied) if multiplied else np.empty((0, n))
+        return Columns(squares=np.concatenate(squares), multiplied=tail / self._base.sizes[:, None])
+
+    def _derivative(self, number: int, values: Values, decisions: Array) -> Array:
+        """Of one term's rows, (C, K m, n).
+
+        What a strength does to a force that a sensor reads is left out of its reading but where the reading itself has the strength: it is
+        the difference of that force from its mean over a sampling interval.
+        """
+        nlp, n = self._program.nlp, len(self._strengths)
+        term = nlp.terms[number]
+        if not self._depends[number]:
+            return np.zeros((term.columns, term.target.shape[0], n))
+        if term.within is not None:
+            own = nlp.interpolation.local + len(nlp.free) - n
+            return nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:]
+        rows, width = nlp.interpolation.rows, term.data.shape[0] // term.places
+        m, total = self._slopes[number].size1_out(0), 0.0
+        weights = np.eye(term.places) if term.moments is None else term.moments
+        out = np.zeros((weights.shape[1], m, n, term.columns))
+        mapped = self._slopes[number].map(term.columns)
+        del total
+        for place in range(term.places):
+            v, d = values.base[number][place * rows : (place + 1) * rows], values.data[number][place * width : (place + 1) * width]
+            J = np.asarray(mapped(v, values.parameters, values.parameters, d)).reshape(m, term.columns, n).transpose(0, 2, 1)
+            out += weights[place][:, None, None, None] * J
+        scaled = out.reshape(-1, n, term.columns) * values.scale[number][:, None, :]
+        return np.asarray(scaled.transpose(2, 0, 1))
+
+    @cached_property
+    def _depends(self) -> list[bool]:
+        """Which terms have a strength in them; of the samples, whether a reading itself has."""
+        dae, chosen, found = self._dae, ca.vertcat(*(self._dae.p[i] for i in self._strengths)), list[bool]()
+        for term in self._program.nlp.terms:
+            if term.name == "samples":
+                found.append(bool(ca.depends_on(dae.output, chosen)))
+            else:
+                columns = set(term.function.jac_sparsity(0, 1).get_col())
+                found.append(bool(columns & set(self._strengths)))
+        return found
+
+    @cached_property
+    def _slopes(self) -> list[Any]:
+        """Derivatives of the terms' functions in the strengths, (v, p, p_ref, d) -> (m, n)."""
+        found = []
+        for term in self._program.nlp.terms:
+            v, p, p_ref, d = (ca.SX.sym(name, *term.function.size_in(i)) for i, name in enumerate(("v", "p", "p_ref", "d")))
+            slope = ca.jacobian(term.function(v, p, p_ref, d), p)[:, self._strengths]
+            found.append(ca.Function("slope", [v, p, p_ref, d], [ca.densify(slope)]))
+        return found
+
+    def _values(self, parameters: Array) -> tuple[Values, Array]:
+        there = self._there
+        decisions = np.concatenate([self._base.solution.solved.decisions, parameters[self._strengths]])
+        return replace(there, parameters=parameters, reference=decisions), decisions
+
+    @cached_property
+    def _there(self) -> Values:
+        """The numbers at the solution."""
+        s, nlp = self._base.solution, self._program.nlp
+        first = nlp.values(np.zeros(nlp.parameter_count))
+        values = Values(
+            parameters=first.parameters,
+            data=first.data,
+            target=tuple(s.values.target[k] for k in self._numbered),
+            scale=tuple(s.values.scale[k] for k in self._numbered),
+            reference=first.reference,
+            unit=np.concatenate([s.values.unit, np.ones(len(self._strengths))]),
+            base=first.base,
+        )
+        return nlp.about(values, np.concatenate([s.solved.decisions, np.zeros(len(self._strengths))]))

@@ -1,0 +1,152 @@
+"""All candidates at once: what each would gain, how likely as much is where nothing is missing, and which cannot be told apart.
+
+A candidate with strengths a at a shape gains  max over allowed a of  -b'a - a'Ga/2  nats. Under the null b ~ N(0, G), so twice a gain is chi
+squared, and the chance of a gain g anywhere in the library, at any shape, is at most
+
+    p(g)  <=  sum over looks of P(chi2_r > 2 g)                     (Bonferroni; r: how many strengths a look tells)
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2
+
+from .candidates import Candidate
+from .score import Columns, Linearised, Scores
+from .supermodel import Look
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are projected out: less is rounding
+BATCH = 256  # columns at a time
+CLOSE = 40  # candidates, best first, whose effects are compared with each other
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screened:
+    """A candidate at its best shape. gain [nats]; estimate, std (n,) of its strengths; freedom: how many of them the recordings tell."""
+
+    look: Look
+    gain: float
+    estimate: Array
+    std: Array
+    freedom: int
+
+    @property
+    def candidate(self) -> Candidate:
+        """What was looked at."""
+        return self.look.candidate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screen:
+    """Best first, each candidate once. looks: how many there were of every freedom. G: information of the first ones, with their columns."""
+
+    found: tuple[Screened, ...]
+    looks: Counter[int]
+    G: Array
+    plain: Array
+    columns: tuple[tuple[int, ...], ...]
+
+    def chance(self, gain: float) -> float:
+        """Of as much gain anywhere in the library if nothing is missing, at most."""
+        return float(min(1.0, sum(count * chi2.sf(2.0 * gain, freedom) for freedom, count in self.looks.items())))
+
+    def needed(self, chance: float) -> float:
+        """The gain that has this chance."""
+        return float(brentq(lambda g: self.chance(g) - chance, 0.1, 1e3)) if self.looks and self.chance(0.1) > chance else 0.1
+
+    def alike(self, a: Screened, b: Screened) -> float:
+        """How well an effect of one can always stand for an effect of the other: cosine of the largest principal angle between them."""
+        order = {id(s): k for k, s in enumerate(self.found[: len(self.columns)])}
+        if a.freedom != b.freedom or id(a) not in order or id(b) not in order:
+            return 0.0
+        at = [list(self.columns[order[id(s)]]) for s in (a, b)]
+        roots = [_root(self.G[np.ix_(k, k)], self.plain[k]) for k in at]
+        cross = roots[0].T @ self.G[np.ix_(*at)] @ roots[1]
+        return float(np.linalg.svd(cross, compute_uv=False).min()) if cross.size else 0.0
+
+
+def screen(base: Linearised, looks: Sequence[Look]) -> Screen:
+    """Scores of all looks."""
+    best, freedoms = dict[int, Screened](), Counter[int]()
+    for batch in _batches(looks):
+        scores, first = base.scores(Columns.joined([look.columns for look in batch])), 0
+        for look in batch:
+            at = np.arange(first, first + len(look.columns))
+            first += len(look.columns)
+            one = _judged(look, scores.b[at], scores.G[np.ix_(at, at)], scores.plain[at])
+            if one is None:
+                continue
+            freedoms[one.freedom] += 1
+            key = id(look.candidate)
+            if key not in best or one.gain > best[key].gain:
+                best[key] = one
+    found = tuple(sorted(best.values(), key=lambda s: (-_adjusted(s), s.candidate.rank)))
+    close, first, columns = found[:CLOSE], 0, list[tuple[int, ...]]()
+    for s in close:
+        columns.append(tuple(range(first, first + len(s.look.columns))))
+        first += len(s.look.columns)
+    joint = (
+        base.scores(Columns.joined([s.look.columns for s in close]))
+        if close
+        else Scores(b=np.empty(0), G=np.empty((0, 0)), plain=np.empty(0))
+    )
+    return Screen(found=found, looks=freedoms, G=joint.G, plain=joint.plain, columns=tuple(columns))
+
+
+def _batches(looks: Sequence[Look]) -> list[list[Look]]:
+    found, size = [list[Look]()], 0
+    for look in looks:
+        if size + len(look.columns) > BATCH and found[-1]:
+            found.append([])
+            size = 0
+        found[-1].append(look)
+        size += len(look.columns)
+    return [batch for batch in found if batch]
+
+
+def _adjusted(s: Screened) -> float:
+    return s.gain - 0.5 * (s.freedom - 1) * float(np.log(max(2.0 * s.gain, 1.0)))
+
+
+def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:
+    root = _root(G, plain)
+    if root.shape[1] == 0:
+        return None
+    a = -root @ (root.T @ b)
+    gain = float(0.5 * np.sum((root.T @ b) ** 2))
+    if (look.candidate.one_sided and not look.candidate.absorbs) or look.candidate.signals:
+        gain, a = _one_sided(b, G, plain)
+    std = np.sqrt(np.maximum(np.sum(root**2, axis=1), 0.0))
+    return Screened(look=look, gain=gain, estimate=a, std=std, freedom=root.shape[1])
+
+
+def _one_sided(b: Array, G: Array, plain: Array) -> tuple[float, Array]:
+    """The largest gain with no strength negative, by trying which of them are nothing."""
+    best, found = 0.0, np.zeros(len(b))
+    for chosen in product((False, True), repeat=len(b)):
+        at = np.flatnonzero(chosen)
+        if not len(at):
+            continue
+        root = _root(G[np.ix_(at, at)], plain[at])
+        a = -root @ (root.T @ b[at])
+        gain = float(0.5 * b[at] @ root @ root.T @ b[at])
+        if np.all(a >= 0) and gain > best:
+            best, found = gain, np.zeros(len(b))
+            found[at] = a
+    return best, found
+
+
+def _root(G: Array, plain: Array) -> Array:
+    """R (n, rank) with R R' = G^-1 over what is told of the strengths."""
+    size = np.sqrt(np.where(plain > 0, plain, 1.0))
+    e, Q = np.linalg.eigh(G / np.outer(size, size))
+    told = e > LEFT
+    return np.asarray(Q[:, told] / np.sqrt(e[told]) / size[:, None])

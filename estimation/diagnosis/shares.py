@@ -1,0 +1,94 @@
+"""How large an effect is beside the forces at its place, and how small one could be and still be seen."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+
+from ..problem import Problem
+from ..results import Smoothing
+from ..smoothing.along import forces
+from ..smoothing.rest import near_rest
+from ..smoothing.smoother import followed_by
+from .screen import Screen, Screened
+from .supermodel import Look
+from .verdict import Undetectable
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+FLOOR = 0.01  # of the rms force at a place: what is smaller is nothing that matters
+SURE = 0.05  # chance of as much anywhere if nothing is missing
+CERTAIN = 3.0  # standard deviations
+
+
+class Sizes:
+    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them."""
+
+    def __init__(self, problem: Problem, result: Smoothing) -> None:
+        assert result.solution is not None
+        self.solution, self.result = result.solution, result
+        t = self.solution.transcription
+        self.names = [t.dae.places[k].name for k in t.soft]
+        of_places = forces(problem, followed_by(self.solution), self.solution.parameters)
+        self.forces = {t.dae.places[k].name: of_places.get(k, inf) for k in t.soft}
+
+    @property
+    def left(self) -> dict[str, float]:
+        """Place -> rms of the residual force away from rest over that of the forces."""
+        summaries = self.result.residual_places
+        return {name: summaries[name].rms / self.forces[name] for name in self.names if name in summaries}
+
+    def shares(self, look: Look, estimate: Array) -> dict[str, float]:
+        """Place -> rms force of a candidate at these strengths over that of the forces there, away from rest."""
+        t = self.solution.transcription
+        moved = look.columns.multiplied @ estimate
+        first, found = 0, dict[str, float]()
+        for term in t.nlp.terms:
+            if not (term.equality or term.heavy):
+                continue
+            size = term.target.size
+            if term.name == t.force_term:
+                std = t.force_std_at(self.solution.values)
+                rows = (
+                    (moved[first : first + size] * self.sizes[first : first + size]).reshape(-1, term.target.shape[0]).T[: len(self.names)]
+                )
+                mean = rows * std / np.sqrt(t.nlp.steps)
+                moving = ~near_rest(std)
+                for name, force, there in zip(self.names, mean, moving, strict=True):
+                    use = there if there.any() else np.ones_like(there)
+                    found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.forces[name]
+            first += size
+        return found
+
+    @property
+    def sizes(self) -> Array:
+        """Of the rows that have multipliers."""
+        s = self.solution
+        _, _, d = s.solver.kkt(s.solved.decisions, s.values)
+        return np.where(d > 0, 1.0 / np.sqrt(np.where(d > 0, d, 1.0)), 1.0)
+
+
+def limits(found: Screen, sizes: Sizes, units: dict[str, str], skipped: set[tuple[str, str]]) -> list[Undetectable]:
+    """Of every candidate that was not found, the least strength that would have been."""
+    out = list[Undetectable]()
+    least = max(float(np.sqrt(2.0 * found.needed(SURE))), CERTAIN)
+    for s in found.found:
+        c = s.candidate
+        if c.key in skipped or c.signals or not c.strengths:
+            continue
+        out.append(_limit(s, sizes, units, least))
+    return out
+
+
+def _limit(s: Screened, sizes: Sizes, units: dict[str, str], least: float) -> Undetectable:
+    c = s.candidate
+    path = c.strengths[-1]
+    strength = least * float(s.std[-1])
+    one = np.zeros(len(s.std))
+    one[-1] = 1.0
+    share = max(sizes.shares(s.look, one).values(), default=0.0)
+    if c.family not in ("sensor",) and share > 0:
+        strength = max(strength, FLOOR / share)
+    word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
+    return Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=units.get(path, ""))

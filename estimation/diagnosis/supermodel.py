@@ -1,0 +1,207 @@
+"""The base model with all candidates in it at once, without effect: one compilation for all score tests.
+
+A component at strength nothing changes no equation, so any number of them may stand in one model. Candidates that bring states of their own
+change what the trajectory is; they have no score of this kind, and are fitted.
+
+An input or an output that would read otherwise, u + a (changed(u) - u), has the difference as a further input of the model, and a as its
+strength (`signals.py` has what may change).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from backsight.models import Dae, Model, ParameterInfo, compile_model
+from backsight.models.augmentation.extension import extended
+from backsight.models.dae import Quantity
+from backsight.models.errors import ModelError
+from backsight.ocp import Horizon, Solution
+
+from ..problem import Problem
+from ..results import Smoothing
+from ..supposed import lean
+from .candidates import Candidate
+from .score import Columns, Enlarged, Linearised
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """A candidate seen at one shape: parameter -> value, and its columns."""
+
+    candidate: Candidate
+    shape: dict[str, float]
+    columns: Columns
+
+
+def looked_at(problem: Problem, model: Model, result: Smoothing, base: Linearised, candidates: Sequence[Candidate]) -> list[Look]:
+    """All candidates that have a score, at all their shapes."""
+    found = list[Look]()
+    plain = [c for c in candidates if c.edits and c.strengths and not c.signals]
+    few, many = ([c for c in plain if (max((len(g) for g in c.shapes.values()), default=1) > 16) is large] for large in (False, True))
+    for group in (few, many):
+        if group:
+            found += _of_components(problem, model, base, group)
+    freed = [c for c in candidates if not c.edits and c.strengths and not c.signals]
+    if freed:
+        found += _of_parameters(problem, base, freed)
+    signals = [c for c in candidates if c.signals]
+    if signals:
+        found += _of_signals(problem, result, base, signals)
+    return found
+
+
+def _of_components(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+    dae, usable = _together(problem, model, base, candidates)
+    if not usable:
+        return []
+    names = [p.name for p in dae.parameters]
+    strengths = [name for c in usable for name in c.strengths]
+    at = dict(zip(strengths, range(len(strengths)), strict=True))
+    parameters = _values(dae, base.solution)
+    enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, parameters)
+    found, turns = list[Look](), max(_turns(c) for c in usable)
+    for turn in range(turns):
+        here = [c for c in usable if turn < _turns(c)]
+        shapes = {c.strengths: _shape(c, turn) for c in here}
+        parts: dict[tuple[str, ...], list[Columns]] = {c.strengths: [] for c in here}
+        for phase in (0.0, np.pi / 2) if any(c.quadrature for c in here) else (0.0,):
+            now = parameters.copy()
+            for c in here:
+                for name, value in shapes[c.strengths].items():
+                    now[names.index(name)] = value
+                if c.quadrature:
+                    now[names.index(c.quadrature)] = phase
+            columns = enlarged.columns(now)
+            for c in here:
+                if c.quadrature or phase == 0.0:
+                    parts[c.strengths].append(columns.taken(np.array([at[n] for n in c.strengths])))
+        found += [Look(candidate=c, shape=shapes[c.strengths], columns=Columns.joined(parts[c.strengths])) for c in here]
+    return found
+
+
+def _turns(c: Candidate) -> int:
+    return max((len(grid) for grid in c.shapes.values()), default=1)
+
+
+def _shape(c: Candidate, turn: int) -> dict[str, float]:
+    return {name: grid[turn] for name, grid in c.shapes.items()}
+
+
+def _together(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate]) -> tuple[Dae, list[Candidate]]:
+    """One model with all of them; those that cannot be there, or bring states, are left out."""
+    own = [q.name for q in base.solution.transcription.dae.states]
+
+    def compiled(some: list[Candidate]) -> Dae | None:
+        try:
+            edited = model
+            for c in some:
+                edited = c.edited(edited)
+            dae = _lean(problem, compile_model(edited, places=_extra(problem)))
+        except ModelError:
+            return None
+        return dae if [q.name for q in dae.states] == own else None
+
+    dae = compiled(candidates)
+    if dae is not None:
+        return dae, candidates
+    usable = [c for c in candidates if compiled([c]) is not None]
+    dae = compiled(usable)
+    return (dae, usable) if dae is not None else (base.solution.transcription.dae, [])
+
+
+def _lean(problem: Problem, dae: Dae) -> Dae:
+    lighter = lean(replace(problem, model=dae, parameters={}, weights=replace(problem.weights, W={}, tau={}, kind={})))
+    return lighter.dae
+
+
+def _extra(problem: Problem) -> list[str]:
+    """Laws whose residual force the study asks for."""
+    from backsight.models import Dae as Flat
+
+    if isinstance(problem.model, Flat):
+        return []
+    plain = compile_model(problem.model)
+    return [name for name in problem.weights.W if name in {p.name for p in plain.dormant_places}]
+
+
+def _values(dae: Dae, solution: Solution) -> Array:
+    """Parameters of a larger model: those of the solution, its widths where the new laws round theirs, and what the components have."""
+    t = solution.transcription
+    known = dict(zip((p.name for p in t.dae.parameters), solution.parameters.tolist(), strict=True))
+    return np.array([known.get(p.name, p.value) for p in dae.parameters])
+
+
+def _of_parameters(problem: Problem, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+    """Parameters of the base model that are fixed."""
+    del problem
+    dae = base.solution.transcription.dae
+    names = [p.name for p in dae.parameters]
+    usable = [c for c in candidates if all(n in names for n in c.strengths)]
+    strengths = [n for c in usable for n in c.strengths]
+    enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, base.solution.parameters)
+    columns, first, found = enlarged.columns(base.solution.parameters), 0, list[Look]()
+    for c in usable:
+        found.append(Look(candidate=c, shape={}, columns=columns.taken(np.arange(first, first + len(c.strengths)))))
+        first += len(c.strengths)
+    return found
+
+
+def _of_signals(problem: Problem, result: Smoothing, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+    """Inputs and outputs that read otherwise."""
+    t = base.solution.transcription
+    dae = t.dae
+    wanted = [(c, signal) for c in candidates for signal in c.signals]
+    added = [ca.SX.sym(f"changed_{i}") for i in range(len(wanted))]
+    factors = [ca.SX.sym(f"a_{i}") for i in range(len(wanted))]
+    inputs, outputs = [q.name for q in dae.inputs], [q.name for q in dae.outputs]
+    acting, output = ca.SX(dae.u), ca.SX(dae.output)
+    for (_, signal), more, a in zip(wanted, added, factors, strict=True):
+        what, _, name = signal.of.partition(":")
+        if what == "input":
+            acting[inputs.index(name)] += a * more
+        else:
+            output[outputs.index(name)] += a * more
+    old = ca.SX.sym("u_recorded", dae.u.shape[0])
+    acting = ca.substitute(acting, dae.u, old)
+    larger = extended(
+        replace(dae, output=output),
+        old=dae.u,
+        new=acting,
+        inputs=[(more, Quantity(name=f"changed {i}", unit="")) for i, more in enumerate(added)],
+        parameters=[
+            (a, ParameterInfo(name=f"a {i}", unit="1", value=0.0, minimum=-np.inf, maximum=np.inf, nominal=1.0))
+            for i, a in enumerate(factors)
+        ],
+    )
+    larger = replace(larger, u=ca.vertcat(old, *added))
+    horizons = tuple(_with_signals(problem, result, base, number, [s for _, s in wanted]) for number in range(len(t.horizons)))
+    count = len(dae.parameters)
+    parameters = np.concatenate([base.solution.parameters, np.zeros(len(wanted))])
+    enlarged = Enlarged(base, larger, list(range(count, count + len(wanted))), horizons, parameters)
+    columns = enlarged.columns(parameters)
+    return [Look(candidate=c, shape=dict(s.start), columns=columns.taken(np.array([i]))) for i, (c, s) in enumerate(wanted)]
+
+
+def _with_signals(problem: Problem, result: Smoothing, base: Linearised, number: int, signals: list) -> Horizon:  # type: ignore[type-arg]
+    del problem, result
+    t = base.solution.transcription
+    horizon, dae = t.horizons[number], t.dae
+    inputs, outputs = [q.name for q in dae.inputs], [q.name for q in dae.outputs]
+    modelled = base.solution.outputs(number)
+    columns = []
+    for signal in signals:
+        what, _, name = signal.of.partition(":")
+        if what == "input":
+            values = horizon.inputs[:, inputs.index(name)]
+            columns.append(signal.changed(horizon.changes, values) - values)
+        else:
+            values = modelled[outputs.index(name)]
+            change = signal.changed(horizon.time, values) - values
+            columns.append(np.interp(horizon.changes, horizon.time, change))
+    return replace(horizon, inputs=np.column_stack([horizon.inputs, *columns]))

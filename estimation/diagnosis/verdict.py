@@ -1,0 +1,150 @@
+"""What `diagnose` answers: what is missing, where, how sure that is, what else it could be, and what could not have been seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..problem import Problem
+    from ..results import Smoothing
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strength:
+    """A number of a finding with its standard deviation (None where the recordings do not tell it) and unit."""
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """One explanation of the mismatch: a member of the library at a place. gap: log evidence that it lacks against the one chosen."""
+
+    place: str
+    family: str
+    physics: str
+    gap: float = 0.0
+    parameters: Mapping[str, Strength] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """coulomb friction at drive_2."""
+        return f"{self.physics.replace('_', ' ')} at {self.place}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One effect that the model left out.
+
+    explanation: what it is, with its parameters. p_value: chance of as much evidence anywhere in the library if nothing were missing.
+    gain: log evidence over the model without it. regime: where it acts, in words; onset: time from which on it does [s], None from the
+    start. share: rms of its force over that of the forces at its place. alternatives: explanations that were refused, with their gaps,
+    best first. rivals: those that these recordings cannot tell from it, and separates: what would tell them apart.
+    change: the edit of the model, in words of code.
+    """
+
+    explanation: Explanation
+    p_value: float
+    gain: float
+    change: str
+    regime: str = "whole record"
+    onset: float | None = None
+    share: float | None = None
+    alternatives: tuple[Explanation, ...] = ()
+    rivals: tuple[Explanation, ...] = ()
+    separates: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Undetectable:
+    """The least strength of an effect that these recordings would have shown [unit], inf where they show none."""
+
+    place: str
+    physics: str
+    parameter: str
+    strength: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """A candidate that was screened or fitted: predicted gain [nats] by the score, gain after the fit (None: not fitted), why it was refused."""
+
+    explanation: Explanation
+    predicted: float
+    fitted: float | None = None
+    refused: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mismatch:
+    """The residual force at a place, where the evidence is largest: time (n,), force (n,) and std (n,) of it, and what it may hang on.
+
+    against: "time", "position", "velocity", "load", ... with its unit -> values (n,). recording: its name.
+    """
+
+    place: str
+    unit: str
+    recording: str
+    time: Array
+    force: Array
+    std: Array
+    against: Mapping[str, tuple[Array, str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Of one output on what was held out: rms of the windowed prediction error, horizon [s] -> rms [unit]; of before or after the repair."""
+
+    unit: str
+    windows: Mapping[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldOut:
+    """The proof on recordings that the fit has not seen: base model refitted (before) against the repaired one (after).
+
+    improvement_percent: of the windowed prediction errors, geometric mean over outputs and horizons. p_value: one-sided, paired over blocks.
+    force: place -> rms of the residual force (before, after). attainable_percent: share of the gain that a free force at the place would
+    bring. role: "held_out", or "last third" of the only recording.
+    """
+
+    before: Mapping[str, Errors]
+    after: Mapping[str, Errors]
+    improvement_percent: float
+    p_value: float
+    blocks: int
+    recordings: tuple[str, ...]
+    role: str
+    force: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
+    attainable_percent: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """The answer. before: the model as declared, smoothed; after: with the findings in it (the same where there are none).
+
+    tried: every candidate, best first. mismatch: the residual forces before and after the repair. seed: of the draws behind p-values.
+    """
+
+    verdict: Class
+    findings: tuple[Finding, ...]
+    before: Smoothing
+    after: Smoothing
+    repaired: Problem
+    held_out: HeldOut | None
+    undetectable: tuple[Undetectable, ...]
+    tried: tuple[Tried, ...]
+    mismatch: tuple[Mismatch, ...] = ()
+    seconds: float = 0.0
+    seed: int = 0
+    notes: tuple[str, ...] = ()
