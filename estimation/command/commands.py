@@ -143,7 +143,8 @@ def run_diagnose(path: Path, options: Options) -> int:
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
         kept(keep)
-        found: Diagnosis = diagnose(study.problem(), jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
+        problem = replace(study.problem(), model=study.model)
+        found: Diagnosis = diagnose(problem, jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
         say("writing the report")
         result = result_of_diagnosis(found)
         write_result(result, folder / "result.json")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["write_diagnosis_report"]
 
 LISTED = 30  # candidates in the table of what was tried
+DRAWN = 6  # residual forces: of a place in a recording
 
 
 def write_diagnosis_report(found: Diagnosis, path: str | Path) -> None:
@@ -98,11 +99,13 @@ def _residuals(found: Diagnosis) -> str:
 
 def _when(found: Diagnosis) -> str:
     """The residual force at the guilty places over time, and against what it may hang on."""
+    guilty = {f.explanation.place for f in found.findings}
+    shown = [k for k, m in enumerate(found.mismatch) if m.place in guilty] or list(range(len(found.mismatch)))
     by_place: dict[tuple[str, str], list[int]] = {}
-    for k, m in enumerate(found.mismatch):
-        by_place.setdefault((m.place, m.recording), []).append(k)
+    for k in shown:
+        by_place.setdefault((found.mismatch[k].place, found.mismatch[k].recording), []).append(k)
     parts = []
-    for number_, ((place, recording), which) in enumerate(by_place.items()):
+    for number_, ((place, recording), which) in enumerate(list(by_place.items())[:DRAWN]):
         chosen = [found.mismatch[k] for k in which]
         onsets = [f.onset for f in found.findings if f.explanation.place == place and f.onset is not None]
         told = [when(f) for f in found.findings if f.explanation.place == place]
