@@ -172,8 +172,8 @@ def _held_out(found: Diagnosis) -> str:
     said = (
         f"Windows of {joined([code(r) for r in held.recordings]) or escape(held.role)} are predicted with the inputs alone, from the "
         "state at their first row, by the model as declared with its parameters fitted again and by the repaired one. Prediction "
-        f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), p = {escape(_p(held.p_value))} "
-        f"from {held.blocks} blocks."
+        f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), "
+        f"{escape(_chance(held.p_value))} from {held.blocks} blocks."
     )
     if held.attainable_percent is not None:
         said += f" That is {number(held.attainable_percent, 3)} % of what a force that is free there would gain."
@@ -243,3 +243,7 @@ def _change(percent: float) -> str:
 
 def _p(p: float) -> str:
     return "< 0.0001" if p < 1e-4 else number(p, 2)
+
+
+def _chance(p: float) -> str:
+    return f"p {_p(p)}" if p < 1e-4 else f"p = {_p(p)}"

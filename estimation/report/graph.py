@@ -21,7 +21,7 @@ __all__ = ["Mark", "drawing"]
 
 WIDTH, HEIGHT, ACROSS, DOWN = 126, 40, 64, 34  # of a box, and between boxes [px]
 MARGIN, SWEEPS, LETTERS = 14, 6, 17
-LEAST = 0.75  # of its size, to which a drawing shrinks before it scrolls
+LEAST = 0.6  # of its size, to which a drawing shrinks before it scrolls
 STYLES = {
     "guilty": ("var(--warn)", "2.6", "", "var(--warn)"),
     "rival": ("var(--warn)", "1.6", "5 3", "none"),

@@ -81,8 +81,8 @@ def test_the_story_is_told_in_the_order_of_an_engineers_questions(page):
 
 
 def test_the_residual_force_is_drawn_before_and_after_and_against_what_it_hangs_on(page):
-    forces = [t for chart in page.charts for t in chart["data"] if t["name"].startswith("model as declared")]
-    force = unpacked(forces[2]["y"])
+    forces = [t for chart in page.charts for t in chart["data"] if t["name"] == "model as declared"]
+    force = unpacked(forces[0]["y"])
     truth = diagnosis().mismatch[0].force
     assert force == pytest.approx(truth, rel=1e-6, abs=1e-6)
     titles = json.dumps([chart["layout"] for chart in page.charts])
