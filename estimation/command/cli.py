@@ -49,6 +49,9 @@ Profiles = Annotated[
     typer.Option("--profile", metavar="NAME", help="Profile likelihood of this parameter, with its 95 % interval; may be repeated."),
 ]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
+AllJobs = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work [default: one for every processor].")
+]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
 Stdin = Annotated[bool, typer.Option("--stdin", help="Read rows from standard input as they come, and write an estimate for each.")]
 State = Annotated[
@@ -195,7 +198,7 @@ def weigh(
 def diagnose(
     study: StudyArgument,
     out: Out = None,
-    jobs: Jobs = 1,
+    jobs: AllJobs = None,
     scheduler: Scheduler = None,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -204,7 +207,9 @@ def diagnose(
     """Find what the model leaves out: where it is, what it is, how sure that is, and what could not have been seen."""
     from .commands import Options, run_diagnose
 
-    return run_diagnose(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+    return run_diagnose(
+        study, Options(out=out, jobs=jobs or os.cpu_count() or 1, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json)
+    )
 
 
 def _report(error: Exception) -> int:

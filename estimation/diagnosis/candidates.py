@@ -85,12 +85,13 @@ class Candidate:
     """A member of the library at a place.
 
     edits: give the model its component, without effect while the strengths are what they are there. strengths: parameters in which the
-    effect is linear; one_sided: those of them that physics does not let be negative. shapes: parameter -> values at which the effect is
-    looked at, all of one length. quadrature: a phase; the effect is looked at with it zero and pi/2. start: further parameters that are
-    free in a fit -> (guess, least, largest).
-    absorbs: parameter of the base model -> the strength that takes its part over, which is then absent there. named: parameter of the
-    finding -> that of the model. signals: looked at instead of strengths, where the component has a memory. kept: further parameters and their values.
-    ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. dear: no score tells of it, it has to be fitted.
+    effect is linear; one_sided: physics does not let them be negative. shapes: parameter -> values at which the effect is looked at, all of
+    one length. quadrature: a phase; the effect is looked at with it zero and pi/2. start: further parameters that are free in a fit
+    -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing.
+    named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
+    kept: further parameters and their values. ratio: parameter that stands for the two strengths of a quadrature over what the strength
+    absorbs. wave: (strength, position): the effect is that strength's times a sine of 2 pi position over the one shape; no component is
+    needed to look at it. dear: no score tells of it, it has to be fitted.
     """
 
     place: str
@@ -107,12 +108,18 @@ class Candidate:
     signals: tuple[Signal, ...] = ()
     kept: Mapping[str, float] = field(default_factory=dict)
     ratio: str | None = None
+    wave: tuple[str, str] | None = None
     dear: bool = False
 
     @property
     def rank(self) -> int:
         """Place of its family in the order of explanations."""
         return ORDER.index(self.family) if self.family in ORDER else len(ORDER)
+
+    @property
+    def size(self) -> int:
+        """How many parameters it brings, less those that it takes the place of."""
+        return len({*self.strengths, *self.start}) - len(self.absorbs)
 
     @property
     def key(self) -> tuple[str, str]:

@@ -7,12 +7,13 @@ recorded input or to the smoothed output, on a grid of their shape.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import inf
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from backsight.models import Model
+from backsight.models.model import Output
 from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, Saturation, Sum
 
 from .candidates import Candidate, Insert, Rebuild, Signal
@@ -71,17 +72,13 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
         return []
     times = _times(interval, duration)
 
-    def block(physics: str, component: object, word: str, start: tuple[float, float, float]) -> tuple[str, str]:
-        del component, word, start
-        return physics, _name(model, physics, name)
-
     gain, offset = _name(model, "input_gain", name), _name(model, "input_offset", name)
     lag, delay = _name(model, "input_lag", name), _name(model, "input_delay", name)
     limit, zone = _name(model, "input_saturation", name), _name(model, "input_dead_zone", name)
-    common = {"place": of, "family": "actuator"}
     return [
         Candidate(
-            **common,
+            place=of,
+            family="actuator",
             physics="input_gain",
             edits=(Insert(place=of, component=Gain(), name=gain),),
             strengths=(f"{gain}.gain",),
@@ -89,14 +86,16 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
             named={"gain": f"{gain}.gain"},
         ),
         Candidate(
-            **common,
+            place=of,
+            family="actuator",
             physics="input_offset",
             edits=(Insert(place=of, component=Offset(), name=offset),),
             strengths=(f"{offset}.bias",),
             named={"bias": f"{offset}.bias"},
         ),
         Candidate(
-            **common,
+            place=of,
+            family="actuator",
             physics="input_lag",
             edits=(Insert(place=of, component=Lag(tau=interval), name=lag),),
             named={"tau": f"{lag}.tau"},
@@ -104,7 +103,8 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
             signals=tuple(Signal(of=of, changed=_by(lagged, t), start={f"{lag}.tau": t}) for t in times),
         ),
         Candidate(
-            **common,
+            place=of,
+            family="actuator",
             physics="input_delay",
             edits=(Insert(place=of, component=Delay(delay=interval), name=delay),),
             named={"delay": f"{delay}.delay"},
@@ -112,7 +112,8 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
             signals=tuple(Signal(of=of, changed=_by(late, t), start={f"{delay}.delay": t}) for t in times),
         ),
         Candidate(
-            **common,
+            place=of,
+            family="actuator",
             physics="input_saturation",
             edits=(Insert(place=of, component=Saturation(limit=largest), name=limit),),
             named={"limit": f"{limit}.limit"},
@@ -120,7 +121,8 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
             signals=tuple(Signal(of=of, changed=_limited(s * largest), start={f"{limit}.limit": s * largest}) for s in LIMITS),
         ),
         Candidate(
-            **common,
+            place=of,
+            family="actuator",
             physics="input_dead_zone",
             edits=(Insert(place=of, component=DeadZone(width=rms / 100), name=zone),),
             named={"width": f"{zone}.width"},
@@ -135,10 +137,11 @@ def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, d
     of = f"sensor:{name}"
     gain, bias, drift = (_name(model, word, name) for word in ("sensor_gain", "sensor_bias", "sensor_drift"))
     lag, delay = _name(model, "sensor_lag", name), _name(model, "sensor_delay", name)
-    common, times = {"place": of, "family": "sensor"}, _times(interval, duration)
+    times = _times(interval, duration)
     found = [
         Candidate(
-            **common,
+            place=of,
+            family="sensor",
             physics="sensor_gain",
             edits=(Insert(place=of, component=Gain(), name=gain),),
             strengths=(f"{gain}.gain",),
@@ -146,21 +149,24 @@ def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, d
             named={"gain": f"{gain}.gain"},
         ),
         Candidate(
-            **common,
+            place=of,
+            family="sensor",
             physics="sensor_bias",
             edits=(Insert(place=of, component=Offset(), name=bias),),
             strengths=(f"{bias}.bias",),
             named={"bias": f"{bias}.bias"},
         ),
         Candidate(
-            **common,
+            place=of,
+            family="sensor",
             physics="sensor_drift",
             edits=(Insert(place=of, component=Drift(), name=drift),),
             strengths=(f"{drift}.rate",),
             named={"rate": f"{drift}.rate"},
         ),
         Candidate(
-            **common,
+            place=of,
+            family="sensor",
             physics="sensor_lag",
             edits=(Insert(place=of, component=Lag(tau=interval), name=lag),),
             named={"tau": f"{lag}.tau"},
@@ -168,7 +174,8 @@ def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, d
             signals=tuple(Signal(of=of, changed=_by(lagged, t, held=False), start={f"{lag}.tau": t}) for t in times),
         ),
         Candidate(
-            **common,
+            place=of,
+            family="sensor",
             physics="sensor_delay",
             edits=(Insert(place=of, component=Delay(delay=interval), name=delay),),
             named={"delay": f"{delay}.delay"},
@@ -180,11 +187,10 @@ def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, d
         mixed = _name(model, f"sensor_misalignment_{other}", name)
         found.append(
             Candidate(
-                **common,
+                place=of,
+                family="sensor",
                 physics="sensor_misalignment",
-                edits=(
-                    Rebuild(edit=_Turned(of=name, other=other, name=mixed), said=f"{mixed} = Sum(k_2=angle) of {name} and {other} at {of}"),
-                ),
+                edits=(Rebuild(edit=_Turned(of=name, other=other, name=mixed), said=f"{mixed} = Sum() of {name} and {other} at {of}"),),
                 strengths=(f"{mixed}.k_2",),
                 start={f"{mixed}.k_2": (0.0, -TURN, TURN)},
                 named={"angle": f"{mixed}.k_2"},
@@ -200,10 +206,6 @@ class _Turned:
         self.of, self.other, self.name = of, other, name
 
     def __call__(self, model: Model) -> Model:
-        from dataclasses import replace
-
-        from backsight.models.model import Output
-
         measured, other = model.measured[self.of], model.measured[self.other]
         grown = replace(
             model,
@@ -223,11 +225,11 @@ def _by(change: Callable[..., Array], t: float, held: bool = True) -> Callable[[
 
 
 def _limited(limit: float) -> Callable[[Array, Array], Array]:
-    return lambda time, values: np.clip(values, -limit, limit)
+    return lambda _, values: np.clip(values, -limit, limit)
 
 
 def _dead(width: float) -> Callable[[Array, Array], Array]:
-    return lambda time, values: values - np.clip(values, -width, width)
+    return lambda _, values: values - np.clip(values, -width, width)
 
 
 def _name(model: Model, physics: str, signal: str) -> str:
@@ -235,7 +237,3 @@ def _name(model: Model, physics: str, signal: str) -> str:
     while name in model.components:
         name += "_"
     return name
-
-
-__all__ = ["lagged", "late", "of_input", "of_sensor"]
-_ = inf

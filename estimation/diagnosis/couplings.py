@@ -30,7 +30,10 @@ PLAYS = (0.002, 0.01, 0.05)  # of the span of the positions
 
 @dataclass(frozen=True, kw_only=True)
 class Soft:
-    """An edit: a rigid coupling becomes `component`; before: what stands on its first side where no body does; moved: a sensor to its other side."""
+    """An edit: a rigid coupling becomes `component`.
+
+    mass: a body on its first side, where there is none. moved: a sensor, from one flange to the other.
+    """
 
     coupling: str
     component: Component
@@ -127,6 +130,7 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
 
 def place_of(model: Model, spot: Spot) -> str:
     """The body that drives an element by way of ideal couplings, or the element itself where no body does."""
+    start = node(model, f"{spot.name}.{spot.flanges[0]}")
     seen, ends = {spot.name}, {f"{spot.name}.{spot.flanges[0]}"}
     while ends:
         here = {end.partition(".")[0] for end in node(model, ends.pop())} - seen
@@ -136,9 +140,7 @@ def place_of(model: Model, spot: Spot) -> str:
         for name in sorted(here):
             seen.add(name)
             if isinstance(model.components[name], IDEAL):
-                ends |= {f"{name}.{f}" for f in model.components[name].declared_connectors} - {
-                    e for e in node(model, f"{spot.name}.{spot.flanges[0]}")
-                }
+                ends |= {f"{name}.{f}" for f in model.components[name].declared_connectors} - start
     return spot.name
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from backsight.models import Model
-from backsight.models.errors import InputError
+from backsight.models.errors import InputError, SolveError
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
@@ -28,8 +28,12 @@ from ..results import Smoothing
 from ..smoothing.smoother import smooth
 from ..workers import workers
 from .candidates import Candidate
+from .keep import Keep
 from .library import library
+from .mismatch import mismatches
+from .proof import prove
 from .refit import Fitted, begun, fitted, settled
+from .regimes import Regime, regime
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
@@ -38,6 +42,8 @@ from .verdict import Class, Diagnosis, Explanation, Finding, Strength, Tried, Un
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
+
+Judged = tuple[Candidate, Screened | None, Fitted]
 
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 CLEAR = 6.0  # nats of evidence that an effect has to bring
@@ -64,34 +70,56 @@ def diagnose(
     problem cannot be smoothed at all, or its model is not made of components.
     """
     began, say = time.perf_counter(), progress or (lambda _: None)
-    del keep
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
     with workers(jobs or os.cpu_count() or 1, scheduler) as pool:
-        say("the model as it is")
-        first = smooth(posed, progress=say)
+        kept = Keep(keep, posed)
+        first = _smoothed(posed, kept, say)
         if not first.solver.converged:
             raise InputError(
                 f"diagnose: the model as it is could not be smoothed ({first.solver.status.rstrip('.')}); give better guesses."
             )
-        search = _Search(problem=posed, model=problem.model, result=first, say=say, pool=pool)
+        search = _Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept)
         search.run()
     verdict = search.verdict()
+    notes = [split] if split else []
+    held_out = None
+    if search.findings and search.model is not problem.model:
+        say("proof on what was held out")
+        pair = (replace(posed, recordings=recordings), first), (replace(search.problem, recordings=recordings), search.result)
+        try:
+            held_out = prove(*pair, role="held_out" if split is None else "last third", progress=say)
+        except (SolveError, InputError) as error:
+            notes.append(f"What was held out could not be predicted: {error}")
     return Diagnosis(
         verdict=verdict,
         findings=tuple(search.findings),
         before=first,
         after=search.result,
-        repaired=replace(search.problem, recordings=recordings),
-        held_out=None,
+        repaired=replace(search.problem, model=search.model, recordings=recordings),
+        held_out=held_out,
         undetectable=tuple(search.undetectable),
         tried=tuple(search.tried),
+        mismatch=(*mismatches(first), *(mismatches(search.result) if search.findings else ())),
         seconds=time.perf_counter() - began,
         seed=seed,
-        notes=tuple([split] if split else []),
+        notes=(*notes, *search.notes),
     )
+
+
+def _smoothed(problem: Problem, kept: Keep, say: Progress) -> Smoothing:
+    """The model as it is."""
+    say("the model as it is")
+    name = kept.name("the model as it is")
+    part = kept.get(name)
+    if part is None:
+        result = smooth(problem, progress=say)
+        part = result, result.solution
+        kept.put(name, part)
+    first: Smoothing = replace(part[0], solution=part[1])
+    return first
 
 
 @dataclass
@@ -103,12 +131,14 @@ class _Search:
     result: Smoothing
     say: Progress
     pool: Executor
+    kept: Keep
     findings: list[Finding] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
     first_left: dict[str, float] = field(default_factory=dict)
     left: dict[str, float] = field(default_factory=dict)
-    doubted: float = 1.0
+    notes: list[str] = field(default_factory=list)
+    named: list[set[str]] = field(default_factory=list)
 
     def run(self) -> None:
         """Rounds, until nothing more is found."""
@@ -118,43 +148,64 @@ class _Search:
             solution = self.result.solution
             assert solution is not None
             base = Linearised(solution)
-            looks = looked_at(self.problem, self.model, self.result, base, candidates)
+            looks = looked_at(self.problem, self.model, base, candidates)
             found = screen(base, looks)
             sizes = Sizes(self.problem, self.result)
             self.left = sizes.left
             if not number:
                 self.first_left = sizes.left
-            if number == EFFECTS or not self._round(found, sizes, candidates):
+            if number == EFFECTS or not self._round(base, found, sizes, candidates):
                 self._limits(found, sizes)
                 return
 
-    def _round(self, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
+    def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
-        chosen = _chosen(found, sizes)
-        dear = [c for c in candidates if c.dear] if max(sizes.left.values(), default=0.0) > FLOOR else []
-        if not chosen and not dear:
-            return False
-        values = {p.name: p.value for p in self.result.parameters.values()}
-        problem = settled(self.problem, self.result)
-        blob = pickle.dumps((problem, self.model, self.result.solution))
-        wanted = [(s.candidate, s, begun(s.candidate, s, values)) for s in chosen] + [(c, None, begun(c, None, values)) for c in dear]
-        self.say(f"fits of {len(wanted)} candidates")
-        futures = [self.pool.submit(fit, blob, c.sent, start) for c, _, start in wanted]
-        fits = []
-        for k, ((c, s, _), future) in enumerate(zip(wanted, futures, strict=True)):
-            fits.append((c, s, future.result()))
-            self.say(f"fit {k + 1} of {len(wanted)}: {c.title}")
         now = self.result.criteria.log_evidence if self.result.criteria and self.result.criteria.log_evidence is not None else -np.inf
+        fits = self._fits([(s.candidate, s) for s in _chosen(found, sizes)])
+        if not self._explains(fits, now) and max(sizes.left.values(), default=0.0) > FLOOR:
+            fits += self._fits([(c, None) for c in candidates if c.dear])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
         good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and _sound(c, f)]
         if not good:
             return False
-        best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, -f[2].evidence))
-        self._keep(best, fits, found, sizes, now)
+        best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, f[0].size, -f[2].evidence))
+        self._keep(base, best, fits, found, sizes, now)
         return True
 
-    def _remember(self, fits: list[tuple[Candidate, Screened | None, Fitted]], now: float) -> None:
+    def _fits(self, wanted: list[tuple[Candidate, Screened | None]]) -> list[Judged]:
+        """The candidates fitted, side by side."""
+        values = {p.name: p.value for p in self.result.parameters.values()}
+        blob = pickle.dumps((settled(self.problem, self.result), self.model, self.result.solution))
+        starts = [begun(c, s, values) for c, s in wanted]
+        before = repr((sorted(values.items()), [f.change for f in self.findings]))
+        names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
+        found = {name: part for name in names if (part := self.kept.get(name)) is not None}
+        futures = {
+            name: self.pool.submit(fit, blob, c.sent, start)
+            for name, (c, _), start in zip(names, wanted, starts, strict=True)
+            if name not in found
+        }
+        fits = list[Judged]()
+        for (c, s), name in zip(wanted, names, strict=True):
+            self.say(f"fit {len(fits) + 1} of {len(wanted)}: {c.title}")
+            if name not in found:
+                found[name] = futures[name].result()
+                self.kept.put(name, found[name])
+            fits.append((c, s, found[name]))
+        return fits
+
+    def _explains(self, fits: list[Judged], now: float) -> bool:
+        """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
+        worst = max(self.left, key=lambda p: self.left[p], default="")
+        for c, _, f in fits:
+            if f.evidence - now > CLEAR and _sound(c, f) and f.result is not None and worst in f.result.residual_places:
+                before = self.result.residual_places[worst].rms
+                if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
+                    return True
+        return False
+
+    def _remember(self, fits: list[Judged], now: float) -> None:
         for c, s, f in fits:
             explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f))
             gained = f.evidence - now if np.isfinite(f.evidence) else None
@@ -162,21 +213,23 @@ class _Search:
 
     def _keep(
         self,
-        best: tuple[Candidate, Screened | None, Fitted],
-        fits: list[tuple[Candidate, Screened | None, Fitted]],
+        base: Linearised,
+        best: Judged,
+        fits: list[Judged],
         found: Screen,
         sizes: Sizes,
         now: float,
     ) -> None:
         c, s, f = best
-        assert f.problem is not None and f.model is not None and f.whole is not None
+        if f.problem is None or f.model is None or f.whole is None:
+            raise ValueError(f"{c.title} has no fit")
         rivals, others = list[Explanation](), list[Explanation]()
         for d, _, g in fits:
             if d.key == c.key:
                 continue
             gap = f.evidence - g.evidence
             e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g))
-            if gap < RIVAL and _sound(d, g):
+            if gap < RIVAL and _sound(d, g) and (d.size <= c.size or gap < 0):
                 rivals.append(e)
             elif np.isfinite(gap):
                 others.append(e)
@@ -188,7 +241,12 @@ class _Search:
                 and o.candidate.key not in {(r.place, r.physics) for r in rivals + others}
                 and found.alike(s, o) > SAME
             ]
+        acts = regime(base, s.look) if s is not None else Regime(words="whole record", onset=None)
         share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
+        gone = {name.partition(".")[0] for name in c.absorbs}
+        self.findings = [old for old, names in zip(self.findings, self.named, strict=True) if not names & gone]
+        self.named = [names for names in self.named if not names & gone]
+        self.named.append({path.partition(".")[0] for path in c.named.values()})
         self.findings.append(
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f)),
@@ -196,29 +254,57 @@ class _Search:
                 gain=float(f.evidence - now),
                 change="; ".join(_change(c, f)),
                 share=share,
+                regime=acts.words,
+                onset=acts.onset,
                 alternatives=tuple(others),
                 rivals=tuple(rivals),
             )
         )
-        self.problem, self.model, self.result = replace(f.problem, model=f.model), f.model, f.whole
+        self.problem, self.model, self.result = f.problem, f.model, f.whole
 
     def _limits(self, found: Screen, sizes: Sizes) -> None:
         units = {p.name: p.unit for s in found.found for p in _declared(s.candidate)}
         skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}
         self.undetectable = limits(found, sizes, units, skipped)
+        self._unexplained(sizes)
+
+    def _unexplained(self, sizes: Sizes) -> None:
+        """What is left over and matters: a finding without a name, or a note beside those that have one."""
+        worst, share = max(sizes.left.items(), key=lambda item: item[1], default=("", 0.0))
+        if share <= FLOOR:
+            return
+        summary = self.result.residual_places[worst]
+        if self._explained() >= UNEXPLAINED:
+            force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
+            self.notes.append(f"Unexplained at {worst}: a force of {force}.")
+            return
+        rms = Strength(value=summary.rms, std=None, unit=summary.unit)
+        self.findings.insert(
+            0,
+            Finding(
+                explanation=Explanation(place=worst, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
+                p_value=1.0 / 1001,
+                gain=0.0,
+                change="",
+                share=share,
+                alternatives=tuple(t.explanation for t in self.tried[:3]),
+            ),
+        )
+
+    def _explained(self) -> float:
+        """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""
+        parts = [1.0 - (self.left.get(p, 0.0) / was) ** 2 for p, was in self.first_left.items() if was > FLOOR]
+        return max(parts, default=1.0 if self.findings else 0.0)
 
     def verdict(self) -> Class:
         """One word for what was found."""
         if not self.findings:
-            return "unknown_physics" if max(self.left.values(), default=0.0) > FLOOR else "none"
-        explained = [1.0 - (self.left.get(p, 0.0) / was) ** 2 for p, was in self.first_left.items() if was > FLOOR]
-        if explained and max(explained) < UNEXPLAINED:
-            return "unknown_physics"
+            return "none"
         first = self.findings[0]
+        if first.explanation.physics == "unknown_physics":
+            return "unknown_physics"
         kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
-        if len(kinds) > 1:
-            return "undecided"
-        return kinds.pop()
+        return kinds.pop() if len(kinds) == 1 else "undecided"
 
 
 def _class(family: str) -> Class:
@@ -235,7 +321,7 @@ def _chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     for s in found.found:
         if found.chance(s.gain) > SURE or (s.candidate.family != "sensor" and not _matters(s, sizes)):
             continue
-        if not any(found.alike(o, s) > SAME for o in worth):
+        if not any(found.alike(o, s) > SAME for o in worth) and not _simpler(s, found.found):
             worth.append(s)
     chosen, places = worth[:FITTED], Counter(s.candidate.place for s in worth[:FITTED])
     for s in worth[FITTED:]:
@@ -243,6 +329,14 @@ def _chosen(found: Screen, sizes: Sizes) -> list[Screened]:
             chosen.append(s)
             places[s.candidate.place] += 1
     return chosen
+
+
+def _simpler(s: Screened, others: Sequence[Screened]) -> bool:
+    """Whether a candidate at the same place gains as much with fewer parameters. What is beyond it, a later round will tell."""
+    c = s.candidate
+    return any(
+        o.candidate.place == c.place and o.candidate.size < c.size and s.gain - o.gain < RIVAL * (c.size - o.candidate.size) for o in others
+    )
 
 
 def _matters(s: Screened, sizes: Sizes) -> bool:

@@ -1,8 +1,6 @@
-"""The library of bodies that move in a plane or in space: gravity of a tilted plane, drag, masses off their centre, rotors, given forces."""
+"""The library of bodies that move in a plane or in space: a tilted plane, drag, masses off their centre, rotors, given forces."""
 
 from __future__ import annotations
-
-from math import inf
 
 import numpy as np
 
@@ -44,10 +42,9 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
     drag, square = _name(model, "linear_drag", body), _name(model, "quadratic_drag", body)
     wind, off = _name(model, "constant_force", body), _name(model, "coupling", body)
     mass = max(component.parameters["m"], 1e-9)
-    common = {"place": body}
     return [
         Candidate(
-            **common,
+            place=body,
             family="fluid",
             physics="linear_drag",
             edits=(Insert(place=body, component=spatial.LinearDrag(), name=drag),),
@@ -56,7 +53,7 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             named={"d": f"{drag}.d"},
         ),
         Candidate(
-            **common,
+            place=body,
             family="fluid",
             physics="quadratic_drag",
             edits=(Insert(place=body, component=spatial.QuadraticDrag(), name=square),),
@@ -65,7 +62,7 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             named={"c": f"{square}.c"},
         ),
         Candidate(
-            **common,
+            place=body,
             family="external",
             physics="constant_force",
             edits=(Insert(place=body, component=spatial.ConstantBodyForce(), name=wind),),
@@ -73,15 +70,12 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             named={f: f"{wind}.{f}" for f in FORCES},
         ),
         Candidate(
-            **common,
+            place=body,
             family="inertia",
             physics="coupling",
-            edits=(Insert(place=body, component=spatial.AddedMass(m=0.0), name=off),),
-            strengths=(),
-            kept={f"{off}.m": mass},
-            start={f"{off}.x": (0.0, -inf, inf), f"{off}.y": (0.0, -inf, inf)},
+            edits=(Insert(place=body, component=spatial.MassOffset(m=mass), name=off),),
+            strengths=(f"{off}.x", f"{off}.y"),
             named={"x": f"{off}.x", "y": f"{off}.y"},
-            dear=True,
         ),
     ]
 

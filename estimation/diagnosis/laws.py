@@ -47,7 +47,8 @@ class Law:
     """A member of the library.
 
     make: (kind, motion) -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
-    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strength.
+    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths. carrier: (physics, word) of the law
+    whose force waves.
     """
 
     family: str
@@ -60,6 +61,7 @@ class Law:
     absorbs: Mapping[str, str] = field(default_factory=dict)
     named: Mapping[str, str] = field(default_factory=dict)
     ratio: str | None = None
+    carrier: tuple[str, str] | None = None
     label: str = ""
 
 
@@ -85,16 +87,8 @@ def _component(slide: str, turn: str, **values: float) -> Callable[[str, Motion]
 
 
 # word of a sliding law -> that of a turning one
-TURNED = {
-    "f_c": "tau_c",
-    "f_s": "tau_s",
-    "v_s": "omega_s",
-    "f_plus": "tau_plus",
-    "f_minus": "tau_minus",
-    "f_sl": "tau_sl",
-    "f_st": "tau_st",
-}
-TURNED |= {"f": "tau", "m": "J", "s_rel0": "phi_rel0"}
+TURNED = {"f_c": "tau_c", "f_s": "tau_s", "v_s": "omega_s", "f_plus": "tau_plus", "f_minus": "tau_minus"}
+TURNED |= {"f": "tau", "m": "J"}
 
 AGAINST_GROUND: tuple[Law, ...] = (
     Law(family="friction", physics="viscous_friction", make=_component("Friction", "RotationalFriction"), strengths=("d",)),
@@ -140,6 +134,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         ratio="amplitude",
         shapes=lambda m: {"period": tuple(p for p in _periods(m) if p > m.span / 12)},
         quadrature="phase",
+        carrier=("coulomb_friction", "f_c"),
     ),
     Law(
         family="periodic",
@@ -149,6 +144,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         one_sided=False,
         shapes=lambda m: {"period": _periods(m)},
         quadrature="phase",
+        carrier=("constant_force", "f"),
     ),
     Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False),
     Law(
@@ -182,17 +178,17 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
     """The law at a place."""
     component = _rounded(law.make(spot.kind, motion), motion)
     name = _free(model, f"{law.label or law.physics}_{spot.name}")
-    own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in (*law.strengths, "v_s", "period", "amplitude")}
+    words = (*law.strengths, "v_s", "period", "amplitude")
+    own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
     there = at_hand(model, spot, tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c"})) if len(spot.flanges) == 1 else {}
     absorbed = {}
-    for word, strengths in law.absorbs.items():
-        base = there.get(word) or there.get(TURNED.get(word, word))
-        if base:
-            absorbed[base] = " ".join(f"{name}.{own.get(w, w)}" for w in strengths.split())
+    for word, instead in law.absorbs.items():
+        for base in (*there.get(word, ()), *there.get(TURNED.get(word, ""), ())):
+            absorbed[base] = " ".join(f"{name}.{own.get(w, w)}" for w in instead.split())
     shapes = {f"{name}.{own.get(word, word)}": grid for word, grid in law.shapes(motion).items()}
     declared = component.declared_parameters
     strengths = tuple(f"{name}.{own[w]}" for w in law.strengths)
-    words = [own[w] for w in law.strengths] + [own.get(w, w) for w in law.shapes(motion)] + [w for w in (law.ratio, law.quadrature) if w]
+    said = [own[w] for w in law.strengths] + [own.get(w, w) for w in law.shapes(motion)] + [w for w in (law.ratio, law.quadrature) if w]
     return Candidate(
         place=spot.name,
         family=law.family,
@@ -206,8 +202,18 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
         | ({f"{name}.{law.quadrature}": (0.0, -3 * pi, 3 * pi)} if law.quadrature else {}),
         absorbs=absorbed,
         ratio=f"{name}.{law.ratio}" if law.ratio else None,
-        named={NAMES.get(w, w): f"{name}.{w}" for w in words},
+        wave=_wave(law, spot),
+        named={NAMES.get(w, w): f"{name}.{w}" for w in said},
     )
+
+
+def _wave(law: Law, spot: Spot) -> tuple[str, str] | None:
+    """Strength and position of a force that waves along the way."""
+    if law.carrier is None:
+        return None
+    physics, word = law.carrier
+    turns = spot.kind == "rotational"
+    return f"{physics}_{spot.name}.{TURNED.get(word, word) if turns else word}", f"{spot.name}.{'phi' if turns else 's'}"
 
 
 def _rounded(component: Component, motion: Motion) -> Component:

@@ -47,9 +47,9 @@ def neighbours(model: Model, flange: str) -> set[str]:
     return {end.partition(".")[0] for end in node(model, flange)}
 
 
-def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, str]:
-    """Word -> parameter of that name of a component at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
-    found: dict[str, str] = {}
+def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[str]]:
+    """Word -> parameters of that name of components at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
+    found: dict[str, list[str]] = {}
     grounds = set(_grounds(model))
     for owner in sorted(neighbours(model, f"{spot.name}.{spot.flanges[0]}")):
         component = model.components[owner]
@@ -60,7 +60,7 @@ def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, str]:
             continue  # between this body and another
         for word in words:
             if word in component.declared_parameters:
-                found.setdefault(word, f"{owner}.{word}")
+                found.setdefault(word, []).append(f"{owner}.{word}")
     return found
 
 

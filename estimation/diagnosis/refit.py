@@ -13,15 +13,19 @@ import numpy as np
 
 from backsight.models import Model, compile_model
 from backsight.models.errors import InputError, ModelError
-from backsight.ocp import Solution
+from backsight.ocp import Options, Solution
 
 from ..problem import Free, Problem
 from ..results import Smoothing
+from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from .candidates import Candidate
 from .screen import Screened
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+QUICKLY = Settings(check_mesh=False, options=Options(tolerance=1e-4, gauss_newton_iterations=30, max_iterations=40))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +110,7 @@ def fitted(problem: Problem, model: Model, begin: Solution | None, candidate: Ca
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        result = smooth(now, begin=_same_states(begin, now))
+        result = smooth(now, settings=QUICKLY, begin=_same_states(begin, now))
     except (InputError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error))
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)

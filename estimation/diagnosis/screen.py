@@ -1,6 +1,6 @@
 """All candidates at once: what each would gain, how likely as much is where nothing is missing, and which cannot be told apart.
 
-A candidate with strengths a at a shape gains  max over allowed a of  -b'a - a'Ga/2  nats. Under the null b ~ N(0, G), so twice a gain is chi
+A candidate with strengths a at a shape gains  max over allowed a of  -b'a - a'Ga/2  nats. Under the null b ~ N(0, G): twice a gain is chi
 squared, and the chance of a gain g anywhere in the library, at any shape, is at most
 
     p(g)  <=  sum over looks of P(chi2_r > 2 g)                     (Bonferroni; r: how many strengths a look tells)
@@ -46,7 +46,10 @@ class Screened:
 
 @dataclass(frozen=True, kw_only=True)
 class Screen:
-    """Best first, each candidate once. looks: how many there were of every freedom. G: information of the first ones, with their columns."""
+    """Best first, each candidate once.
+
+    looks: how many there were of every freedom. G: information of the first ones, with their columns.
+    """
 
     found: tuple[Screened, ...]
     looks: Counter[int]
@@ -126,6 +129,13 @@ def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:
         gain, a = _one_sided(b, G, plain)
     std = np.sqrt(np.maximum(np.sum(root**2, axis=1), 0.0))
     return Screened(look=look, gain=gain, estimate=a, std=std, freedom=root.shape[1])
+
+
+def gain(scores: Scores, columns: Sequence[int]) -> float:
+    """What some strengths would gain together [nats]."""
+    at = list(columns)
+    root = _root(scores.G[np.ix_(at, at)], scores.plain[at])
+    return float(0.5 * np.sum((root.T @ scores.b[at]) ** 2))
 
 
 def _one_sided(b: Array, G: Array, plain: Array) -> tuple[float, Array]:

@@ -22,9 +22,8 @@ from backsight.models.errors import ModelError
 from backsight.ocp import Horizon, Solution
 
 from ..problem import Problem
-from ..results import Smoothing
 from ..supposed import lean
-from .candidates import Candidate
+from .candidates import Candidate, Signal
 from .score import Columns, Enlarged, Linearised
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -39,24 +38,23 @@ class Look:
     columns: Columns
 
 
-def looked_at(problem: Problem, model: Model, result: Smoothing, base: Linearised, candidates: Sequence[Candidate]) -> list[Look]:
+def looked_at(problem: Problem, model: Model, base: Linearised, candidates: Sequence[Candidate]) -> list[Look]:
     """All candidates that have a score, at all their shapes."""
     found = list[Look]()
     plain = [c for c in candidates if c.edits and c.strengths and not c.signals]
-    few, many = ([c for c in plain if (max((len(g) for g in c.shapes.values()), default=1) > 16) is large] for large in (False, True))
-    for group in (few, many):
-        if group:
-            found += _of_components(problem, model, base, group)
+    carried = {name for c in plain if c.wave is None for name in c.strengths}
+    waving = [c for c in plain if c.wave is not None and c.wave[0] in carried]
+    found += _of_components(problem, model, base, [c for c in plain if c not in waving], waving)
     freed = [c for c in candidates if not c.edits and c.strengths and not c.signals]
     if freed:
-        found += _of_parameters(problem, base, freed)
+        found += _of_parameters(base, freed)
     signals = [c for c in candidates if c.signals]
     if signals:
-        found += _of_signals(problem, result, base, signals)
+        found += _of_signals(base, signals)
     return found
 
 
-def _of_components(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+def _of_components(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate], waving: list[Candidate]) -> list[Look]:
     dae, usable = _together(problem, model, base, candidates)
     if not usable:
         return []
@@ -66,6 +64,12 @@ def _of_components(problem: Problem, model: Model, base: Linearised, candidates:
     parameters = _values(dae, base.solution)
     enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, parameters)
     found, turns = list[Look](), max(_turns(c) for c in usable)
+    for c in waving:
+        carrier, position = c.wave or ("", "")
+        if carrier in at and position in dae.variables and not ca.depends_on(dae.variables[position], ca.vertcat(dae.dx, dae.z, dae.w)):
+            (grid,) = c.shapes.values()
+            waves = enlarged.waves(parameters, at[carrier], dae.variables[position], [2 * np.pi / period for period in grid])
+            found += [Look(candidate=c, shape=_shape(c, turn), columns=one) for turn, one in enumerate(waves)]
     for turn in range(turns):
         here = [c for c in usable if turn < _turns(c)]
         shapes = {c.strengths: _shape(c, turn) for c in here}
@@ -80,7 +84,7 @@ def _of_components(problem: Problem, model: Model, base: Linearised, candidates:
             columns = enlarged.columns(now)
             for c in here:
                 if c.quadrature or phase == 0.0:
-                    parts[c.strengths].append(columns.taken(np.array([at[n] for n in c.strengths])))
+                    parts[c.strengths].append(columns.taken([at[n] for n in c.strengths]))
         found += [Look(candidate=c, shape=shapes[c.strengths], columns=Columns.joined(parts[c.strengths])) for c in here]
     return found
 
@@ -137,22 +141,29 @@ def _values(dae: Dae, solution: Solution) -> Array:
     return np.array([known.get(p.name, p.value) for p in dae.parameters])
 
 
-def _of_parameters(problem: Problem, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+def _of_parameters(base: Linearised, candidates: list[Candidate]) -> list[Look]:
     """Parameters of the base model that are fixed."""
-    del problem
     dae = base.solution.transcription.dae
     names = [p.name for p in dae.parameters]
     usable = [c for c in candidates if all(n in names for n in c.strengths)]
     strengths = [n for c in usable for n in c.strengths]
     enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, base.solution.parameters)
-    columns, first, found = enlarged.columns(base.solution.parameters), 0, list[Look]()
+    parameters = base.solution.parameters
+    still, turned = enlarged.columns(parameters), parameters.copy()
+    turned[[names.index(c.quadrature) for c in usable if c.quadrature]] = np.pi / 2
+    flat = parameters.copy()
+    flat[[names.index(c.quadrature) for c in usable if c.quadrature]] = 0.0
+    both = [enlarged.columns(flat), enlarged.columns(turned)] if any(c.quadrature for c in usable) else []
+    first, found = 0, list[Look]()
     for c in usable:
-        found.append(Look(candidate=c, shape={}, columns=columns.taken(np.arange(first, first + len(c.strengths)))))
+        at = range(first, first + len(c.strengths))
+        columns = Columns.joined([part.taken(at) for part in both]) if c.quadrature else still.taken(at)
+        found.append(Look(candidate=c, shape={}, columns=columns))
         first += len(c.strengths)
     return found
 
 
-def _of_signals(problem: Problem, result: Smoothing, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+def _of_signals(base: Linearised, candidates: list[Candidate]) -> list[Look]:
     """Inputs and outputs that read otherwise."""
     t = base.solution.transcription
     dae = t.dae
@@ -180,16 +191,15 @@ def _of_signals(problem: Problem, result: Smoothing, base: Linearised, candidate
         ],
     )
     larger = replace(larger, u=ca.vertcat(old, *added))
-    horizons = tuple(_with_signals(problem, result, base, number, [s for _, s in wanted]) for number in range(len(t.horizons)))
+    horizons = tuple(_with_signals(base, number, [s for _, s in wanted]) for number in range(len(t.horizons)))
     count = len(dae.parameters)
     parameters = np.concatenate([base.solution.parameters, np.zeros(len(wanted))])
     enlarged = Enlarged(base, larger, list(range(count, count + len(wanted))), horizons, parameters)
     columns = enlarged.columns(parameters)
-    return [Look(candidate=c, shape=dict(s.start), columns=columns.taken(np.array([i]))) for i, (c, s) in enumerate(wanted)]
+    return [Look(candidate=c, shape=dict(s.start), columns=columns.taken([i])) for i, (c, s) in enumerate(wanted)]
 
 
-def _with_signals(problem: Problem, result: Smoothing, base: Linearised, number: int, signals: list) -> Horizon:  # type: ignore[type-arg]
-    del problem, result
+def _with_signals(base: Linearised, number: int, signals: list[Signal]) -> Horizon:
     t = base.solution.transcription
     horizon, dae = t.horizons[number], t.dae
     inputs, outputs = [q.name for q in dae.inputs], [q.name for q in dae.outputs]

@@ -77,7 +77,10 @@ class Undetectable:
 
 @dataclass(frozen=True, kw_only=True)
 class Tried:
-    """A candidate that was screened or fitted: predicted gain [nats] by the score, gain after the fit (None: not fitted), why it was refused."""
+    """A candidate that was fitted.
+
+    predicted: its gain by the score [nats]. fitted: the gain in log evidence after the fit, None where it failed. refused: why it was.
+    """
 
     explanation: Explanation
     predicted: float
@@ -103,7 +106,7 @@ class Mismatch:
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Of one output on what was held out: rms of the windowed prediction error, horizon [s] -> rms [unit]; of before or after the repair."""
+    """Of one output on what was held out: rms of the windowed prediction error, horizon [s] -> rms [unit]."""
 
     unit: str
     windows: Mapping[float, float]
@@ -113,7 +116,7 @@ class Errors:
 class HeldOut:
     """The proof on recordings that the fit has not seen: base model refitted (before) against the repaired one (after).
 
-    improvement_percent: of the windowed prediction errors, geometric mean over outputs and horizons. p_value: one-sided, paired over blocks.
+    improvement_percent: of the windowed prediction errors, geometric mean over outputs and horizons. p_value: one-sided, over blocks.
     force: place -> rms of the residual force (before, after). attainable_percent: share of the gain that a free force at the place would
     bring. role: "held_out", or "last third" of the only recording.
     """

@@ -1,14 +1,14 @@
 """Parts that move in space: a rigid body in its own axes, what pushes it, and what an inertial measurement unit reads.
 
     bodies.py     RigidBody                              propeller.py  Propeller, AsymmetricPropeller, PropellerInertia
-    elements.py   LinearDrag, QuadraticDrag, AddedMass,  sensors.py    Accelerometer, Gyro
+    elements.py   LinearDrag, QuadraticDrag, AddedMass, MassOffset,  sensors.py    Accelerometer, Gyro
                   BodyForce, BodyTorque, ConstantBodyForce             rotation.py   axes and angles
 
 Axes of the body: x forward, y to the right, z down. The model has one rigid body, whose attitude drags and accelerometers see.
 """
 
 from .bodies import RigidBody
-from .elements import AddedMass, BodyElement, BodyForce, BodyTorque, ConstantBodyForce, Drag, LinearDrag, QuadraticDrag
+from .elements import AddedMass, BodyElement, BodyForce, BodyTorque, ConstantBodyForce, Drag, LinearDrag, MassOffset, QuadraticDrag
 from .propeller import AsymmetricPropeller, Propeller, PropellerInertia
 from .sensors import Accelerometer, BodySensor, Gyro
 
@@ -24,6 +24,7 @@ __all__ = [
     "Drag",
     "Gyro",
     "LinearDrag",
+    "MassOffset",
     "Propeller",
     "PropellerInertia",
     "QuadraticDrag",

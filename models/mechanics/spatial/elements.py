@@ -118,6 +118,28 @@ class AddedMass(BodyElement):
         return force, ca.cross(r, force)
 
 
+class MassOffset(BodyElement):
+    """The centre of mass of a body off the origin of its frame.   force = -m (s(r) - s(0)),   torque = -r x m s(r)
+
+    s(r) is the specific force at r = (x, y, z); the mass itself, at the origin, is the body's.
+
+    Connectors: frame
+    Parameters: m [kg] mass of the body, 1 by default; x, y, z [m] its centre in the frame, 0 by default (absent)
+    Shared:     body, its attitude and gravity
+    """
+
+    body = Shared(RigidBody)
+    m = Parameter("kg", 1.0, min=0.0, description="mass of the body")
+    x = Parameter("m", 0.0, description="centre of mass in the frame")
+    y = Parameter("m", 0.0, description="centre of mass in the frame")
+    z = Parameter("m", 0.0, description="centre of mass in the frame")
+
+    def load(self, c: Any) -> tuple[Vector, Vector]:
+        r = ca.vertcat(c.x, c.y, c.z)
+        there, here = specific_force(c, r), specific_force(c, ca.SX.zeros(3))
+        return -c.m * (there - here), -c.m * ca.cross(r, there)
+
+
 class BodyForce(BodyElement):
     """A force source in the axes of the body, at the origin of its frame.   force = (f_x, f_y, f_z)
 
