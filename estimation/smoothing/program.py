@@ -28,14 +28,14 @@ class Settings:
     """Numerics of a smoothing run; the defaults choose by themselves.
 
     method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for
-    collocation. step: mesh step [s]. rough: Gauss-Newton steps only, and the error of the mesh is not looked at; enough for states to a
-    share of their deviations. options: of the solver.
+    collocation. step: mesh step [s]. check_mesh: whether its error is measured, and mended by a finer one; without, states are as good as
+    weights ask for and nothing is known of the error. options: of the solver.
     """
 
     method: Literal["auto", "spline", "collocation"] = "auto"
     degree: int | None = None
     step: float | None = None
-    rough: bool = False
+    check_mesh: bool = True
     options: Options = field(default_factory=Options)
 
 

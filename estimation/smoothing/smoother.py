@@ -126,7 +126,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
     if settings.step is None and _moved(choice, force_std):
         choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
     checked = Checked(solution=choice.solution)
-    if not settings.rough:
+    if settings.check_mesh:
         checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
@@ -166,7 +166,7 @@ class _Work:
     def chosen(self, program: Program, least_std: Mapping[int, float], stds: Stds, full: bool = True) -> Choice:
         """The program solved, with weights from the data where nobody gave them; full: to the full tolerance at last."""
         return choose_weights(
-            lambda decisions, values, newton: program.solve(decisions, values, newton and full and not self.settings.rough, self.say),
+            lambda decisions, values, newton: program.solve(decisions, values, newton and full, self.say),
             program.start,
             program.values,
             program.transcription,
