@@ -305,6 +305,8 @@ class _Search:
         first = self.findings[0]
         if first.explanation.physics == "unknown_physics":
             return "unknown_physics"
+        if first.explanation.family == "parameter":
+            return "parameter"  # what explains as much by more is no reason to doubt a number that was given
         kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
         return kinds.pop() if len(kinds) == 1 else "undecided"
 
@@ -323,7 +325,11 @@ def _chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     for s in found.found:
         if found.chance(s.gain) > SURE or (s.candidate.family != "sensor" and not _matters(s, sizes)):
             continue
-        if not any(found.alike(o, s) > SAME for o in worth) and not _simpler(s, found.found):
+        same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
+        if same is not None:
+            if (s.candidate.rank, s.candidate.size) < (worth[same].candidate.rank, worth[same].candidate.size):
+                worth[same] = s
+        elif not _simpler(s, found.found):
             worth.append(s)
     chosen, places = worth[:FITTED], Counter(s.candidate.place for s in worth[:FITTED])
     for s in worth[FITTED:]:
