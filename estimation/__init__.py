@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .classical.result import Baseline
     from .classical.two_stage import two_stage
     from .classical.zoh_prediction_error import zoh_prediction_error
+    from .diagnosis import Diagnosis, diagnose
     from .problem import Free, Known, Problem, Weights
     from .recordings.columns import InputColumn, OutputColumn
     from .recordings.recording import Recording
@@ -44,6 +45,7 @@ _HOME = {
     "classical.result": ("Baseline",),
     "classical.two_stage": ("two_stage",),
     "classical.zoh_prediction_error": ("zoh_prediction_error",),
+    "diagnosis": ("Diagnosis", "diagnose"),
     "problem": ("Free", "Known", "Problem", "Weights"),
     "recordings.columns": ("InputColumn", "OutputColumn"),
     "recordings.recording": ("Recording",),
@@ -63,6 +65,7 @@ __all__ = [
     "Armax",
     "Baseline",
     "Criteria",
+    "Diagnosis",
     "Estimate",
     "Estimator",
     "Free",
@@ -91,6 +94,7 @@ __all__ = [
     "Weights",
     "armax",
     "compare",
+    "diagnose",
     "filtered_least_squares",
     "follow_phases",
     "harmonic",

@@ -90,7 +90,8 @@ class Candidate:
     -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing.
     named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
     kept: further parameters and their values. ratio: parameter that stands for the two strengths of a quadrature over what the strength
-    absorbs. dear: no score tells of it, it has to be fitted.
+    absorbs. wave: (strength, position): the effect is that strength's times a sine of 2 pi position over the one shape; no component is
+    needed to look at it. dear: no score tells of it, it has to be fitted.
     """
 
     place: str
@@ -107,6 +108,7 @@ class Candidate:
     signals: tuple[Signal, ...] = ()
     kept: Mapping[str, float] = field(default_factory=dict)
     ratio: str | None = None
+    wave: tuple[str, str] | None = None
     dear: bool = False
 
     @property

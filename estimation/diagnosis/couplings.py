@@ -15,7 +15,7 @@ from backsight.models.language import Component
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
-from .candidates import Candidate, Rebuild
+from .candidates import Candidate, Exchange, Rebuild
 from .laws import Motion
 from .places import Spot, neighbours, node
 
@@ -23,9 +23,11 @@ RIGID = (sliding.Rigid, turning.RotationalRigid)
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
 SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, turning.RotationalSpring)
 SHARE = 0.3  # of the mass behind a coupling, that before it where the model has none there
-RESONANCES = (4.0, 12.0, 40.0)  # Hz, of the stiffnesses from which fits start
+RESONANCES = (8.0, 30.0)  # Hz, of the stiffnesses from which fits start
 DAMPING = 0.05  # ratio
-PLAYS = (0.002, 0.01, 0.05)  # of the span of the positions
+PLAYS = (0.005,)  # of the span of the positions, from which fits start
+LOOSE = (0.05, 0.3)  # of the span of the twist of a soft coupling
+SECTION = 0.1  # of the inertia behind a string: that of a section of its own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +128,81 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
                 )
             )
     return found
+
+
+def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], values: dict[str, float]) -> list[Candidate]:
+    """Play of a coupling that is soft already, and a body of its own in its middle."""
+    component = model.components[spot.name]
+    k = values.get(f"{spot.name}.k", 0.0)
+    if not isinstance(component, (*SOFT, turning.TorsionString)) or not k > 0:
+        return []
+    slides, found = spot.kind == "translational", list[Candidate]()
+    d = max(values.get(f"{spot.name}.d", 0.0), 0.0)
+    if isinstance(component, (sliding.SpringDamper, turning.RotationalSpringDamper)) and motion.span > 0:
+        for share in LOOSE:
+            gap = share * motion.span
+            kind = sliding.Backlash if slides else turning.RotationalBacklash
+            loose = kind(gap=gap, k=k, d=d, width=gap / 50)
+            found.append(
+                Candidate(
+                    place=spot.name,
+                    family="transmission",
+                    physics="backlash",
+                    edits=(Exchange(name=spot.name, component=loose),),
+                    start={f"{spot.name}.gap": (gap, 0.0, gap * 20)},
+                    named={"gap": f"{spot.name}.gap"},
+                    dear=True,
+                )
+            )
+    behind = _mass(model, f"{spot.name}.{spot.flanges[1]}", masses)
+    if behind:
+        body, second = f"{spot.name}_section", f"{spot.name}_2"
+        section = SECTION * behind
+        found.append(
+            Candidate(
+                place=spot.name,
+                family="transmission",
+                physics="compliance",
+                edits=(
+                    Rebuild(
+                        edit=Sectioned(coupling=spot.name, body=body, second=second, inertia=section),
+                        said=f"{second}, {body} behind {spot.name}",
+                    ),
+                ),
+                start={f"{second}.k": (2 * k, k / 10, k * 1e3), f"{body}.{'m' if slides else 'J'}": (section, section / 1e3, behind * 10)},
+                named={"k": f"{second}.k", "m": f"{body}.{'m' if slides else 'J'}"},
+                dear=True,
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sectioned:
+    """An edit: a soft coupling in two, with a body between them."""
+
+    coupling: str
+    body: str
+    second: str
+    inertia: float
+
+    def __call__(self, model: Model) -> Model:
+        old = model.components[self.coupling]
+        slides = isinstance(old, SOFT[:2])
+        mass = sliding.Mass(m=self.inertia) if slides else self._turning(old)
+        first, last = tuple(old.declared_connectors)
+        end = f"{self.coupling}.{last}"
+        flange = next(iter(mass.declared_connectors))
+        moved = tuple((a.replace(end, f"{self.second}.{last}"), b.replace(end, f"{self.second}.{last}")) for a, b in model.connections)
+        return replace(
+            model,
+            components={**model.components, self.body: mass, self.second: old},
+            connections=(*moved, (end, f"{self.body}.{flange}"), (f"{self.body}.{flange}", f"{self.second}.{first}")),
+        )
+
+    def _turning(self, old: Component) -> Component:
+        """A body whose angle is a state only where that of the coupling's ends is."""
+        return turning.Rotor(J=self.inertia) if isinstance(old, turning.TorsionString) else turning.Inertia(J=self.inertia)
 
 
 def place_of(model: Model, spot: Spot) -> str:

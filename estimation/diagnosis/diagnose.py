@@ -28,6 +28,7 @@ from ..results import Smoothing
 from ..smoothing.smoother import smooth
 from ..workers import workers
 from .candidates import Candidate
+from .keep import Keep
 from .library import library
 from .mismatch import mismatches
 from .proof import prove
@@ -49,6 +50,7 @@ CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 5, 1, 9  # candidates that are fitted in a round: the best, of every other place, in all
 EFFECTS = 4
+NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
@@ -69,19 +71,18 @@ def diagnose(
     problem cannot be smoothed at all, or its model is not made of components.
     """
     began, say = time.perf_counter(), progress or (lambda _: None)
-    del keep
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
     with workers(jobs or os.cpu_count() or 1, scheduler) as pool:
-        say("the model as it is")
-        first = smooth(posed, progress=say)
+        kept = Keep(keep, posed)
+        first = _smoothed(posed, kept, say)
         if not first.solver.converged:
             raise InputError(
                 f"diagnose: the model as it is could not be smoothed ({first.solver.status.rstrip('.')}); give better guesses."
             )
-        search = _Search(problem=posed, model=problem.model, result=first, say=say, pool=pool)
+        search = _Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept)
         search.run()
     verdict = search.verdict()
     notes = [split] if split else []
@@ -109,6 +110,19 @@ def diagnose(
     )
 
 
+def _smoothed(problem: Problem, kept: Keep, say: Progress) -> Smoothing:
+    """The model as it is."""
+    say("the model as it is")
+    name = kept.name("the model as it is")
+    part = kept.get(name)
+    if part is None:
+        result = smooth(problem, progress=say)
+        part = result, result.solution
+        kept.put(name, part)
+    first: Smoothing = replace(part[0], solution=part[1])
+    return first
+
+
 @dataclass
 class _Search:
     """What the search has found so far: the problem with it, its model and its smoothing."""
@@ -118,6 +132,7 @@ class _Search:
     result: Smoothing
     say: Progress
     pool: Executor
+    kept: Keep
     findings: list[Finding] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
@@ -149,7 +164,8 @@ class _Search:
         now = self.result.criteria.log_evidence if self.result.criteria and self.result.criteria.log_evidence is not None else -np.inf
         fits = self._fits([(s.candidate, s) for s in _chosen(found, sizes)])
         if not self._explains(fits, now) and max(sizes.left.values(), default=0.0) > FLOOR:
-            fits += self._fits([(c, None) for c in candidates if c.dear])
+            most = max(sizes.left.values())
+            fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
         good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and _sound(c, f)]
@@ -163,11 +179,22 @@ class _Search:
         """The candidates fitted, side by side."""
         values = {p.name: p.value for p in self.result.parameters.values()}
         blob = pickle.dumps((settled(self.problem, self.result), self.model, self.result.solution))
-        futures = [self.pool.submit(fit, blob, c.sent, begun(c, s, values)) for c, s in wanted]
+        starts = [begun(c, s, values) for c, s in wanted]
+        before = repr((sorted(values.items()), [f.change for f in self.findings]))
+        names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
+        found = {name: part for name in names if (part := self.kept.get(name)) is not None}
+        futures = {
+            name: self.pool.submit(fit, blob, c.sent, start)
+            for name, (c, _), start in zip(names, wanted, starts, strict=True)
+            if name not in found
+        }
         fits = list[Judged]()
-        for (c, s), future in zip(wanted, futures, strict=True):
+        for (c, s), name in zip(wanted, names, strict=True):
             self.say(f"fit {len(fits) + 1} of {len(wanted)}: {c.title}")
-            fits.append((c, s, future.result()))
+            if name not in found:
+                found[name] = futures[name].result()
+                self.kept.put(name, found[name])
+            fits.append((c, s, found[name]))
         return fits
 
     def _explains(self, fits: list[Judged], now: float) -> bool:
@@ -278,6 +305,8 @@ class _Search:
         first = self.findings[0]
         if first.explanation.physics == "unknown_physics":
             return "unknown_physics"
+        if first.explanation.family == "parameter":
+            return "parameter"  # what explains as much by more is no reason to doubt a number that was given
         kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
         return kinds.pop() if len(kinds) == 1 else "undecided"
 
@@ -296,7 +325,11 @@ def _chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     for s in found.found:
         if found.chance(s.gain) > SURE or (s.candidate.family != "sensor" and not _matters(s, sizes)):
             continue
-        if not any(found.alike(o, s) > SAME for o in worth) and not _simpler(s, found.found):
+        same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
+        if same is not None:
+            if (s.candidate.rank, s.candidate.size) < (worth[same].candidate.rank, worth[same].candidate.size):
+                worth[same] = s
+        elif not _simpler(s, found.found):
             worth.append(s)
     chosen, places = worth[:FITTED], Counter(s.candidate.place for s in worth[:FITTED])
     for s in worth[FITTED:]:

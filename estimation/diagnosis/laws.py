@@ -47,7 +47,8 @@ class Law:
     """A member of the library.
 
     make: (kind, motion) -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
-    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strength.
+    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths. carrier: (physics, word) of the law
+    whose force waves.
     """
 
     family: str
@@ -60,6 +61,7 @@ class Law:
     absorbs: Mapping[str, str] = field(default_factory=dict)
     named: Mapping[str, str] = field(default_factory=dict)
     ratio: str | None = None
+    carrier: tuple[str, str] | None = None
     label: str = ""
 
 
@@ -132,6 +134,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         ratio="amplitude",
         shapes=lambda m: {"period": tuple(p for p in _periods(m) if p > m.span / 12)},
         quadrature="phase",
+        carrier=("coulomb_friction", "f_c"),
     ),
     Law(
         family="periodic",
@@ -141,6 +144,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         one_sided=False,
         shapes=lambda m: {"period": _periods(m)},
         quadrature="phase",
+        carrier=("constant_force", "f"),
     ),
     Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False),
     Law(
@@ -198,8 +202,18 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
         | ({f"{name}.{law.quadrature}": (0.0, -3 * pi, 3 * pi)} if law.quadrature else {}),
         absorbs=absorbed,
         ratio=f"{name}.{law.ratio}" if law.ratio else None,
+        wave=_wave(law, spot),
         named={NAMES.get(w, w): f"{name}.{w}" for w in said},
     )
+
+
+def _wave(law: Law, spot: Spot) -> tuple[str, str] | None:
+    """Strength and position of a force that waves along the way."""
+    if law.carrier is None:
+        return None
+    physics, word = law.carrier
+    turns = spot.kind == "rotational"
+    return f"{physics}_{spot.name}.{TURNED.get(word, word) if turns else word}", f"{spot.name}.{'phi' if turns else 's'}"
 
 
 def _rounded(component: Component, motion: Motion) -> Component:

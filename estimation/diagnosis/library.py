@@ -13,7 +13,7 @@ from ..smoothing.along import along, forces
 from ..smoothing.smoother import followed_by
 from .candidates import Candidate, Exchange
 from .channels import of_input, of_sensor
-from .couplings import of_coupling
+from .couplings import of_coupling, of_soft
 from .laws import AGAINST_GROUND, BETWEEN, Motion, of_law
 from .places import Spot, bodies, elements
 
@@ -43,7 +43,8 @@ def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN]
-            found += of_coupling(model, spot, motion, _masses(dae, solution.parameters))
+            values = dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
+            found += of_coupling(model, spot, motion, _masses(values)) + of_soft(model, spot, motion, _masses(values), values)
     found += _kinematic(model) + _frames(model)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
@@ -59,14 +60,9 @@ def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate
     return found + _fixed(problem, model, dae, solution.parameters)
 
 
-def _masses(dae: Dae, values: Array) -> dict[str, float]:
+def _masses(values: dict[str, float]) -> dict[str, float]:
     """Component -> its mass or moment of inertia."""
-    sized = {}
-    for info, value in zip(dae.parameters, values.tolist(), strict=True):
-        owner, _, word = info.name.partition(".")
-        if word in ("m", "J"):
-            sized[owner] = value
-    return sized
+    return {name.partition(".")[0]: value for name, value in values.items() if name.partition(".")[2] in ("m", "J")}
 
 
 def _kinematic(model: Model) -> list[Candidate]:

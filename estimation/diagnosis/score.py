@@ -116,6 +116,7 @@ class Enlarged:
 
     def __init__(self, base: Linearised, dae: Dae, strengths: list[int], horizons: tuple[Horizon, ...], parameters: Array) -> None:
         self._base, self._dae, self._strengths = base, dae, strengths
+        self._read: dict[int, Array] = {}
         t = base.solution.transcription
         names, places = [p.name for p in dae.parameters], [p.name for p in dae.places]
         free = [names.index(t.dae.parameters[i].name) for i in t.nlp.free]
@@ -162,6 +163,48 @@ class Enlarged:
         tail = np.concatenate(multiplied) if multiplied else np.empty((0, n))
         return Columns(squares=np.concatenate(squares), multiplied=tail / self._base.sizes[:, None])
 
+    def waves(self, parameters: Array, strength: int, position: Any, numbers: Sequence[float]) -> list[Columns]:
+        """Of one strength (its place among them) times sin and cos of number * position, for wave numbers [rad per its unit]."""
+        values, _ = self._values(parameters)
+        terms, own = self._program.nlp.terms, self._base.solution.transcription.nlp
+        found = []
+        parts = {
+            k: self._at_places(k, values, position, strength) for k, term in enumerate(terms) if self._depends[k] and term.within is None
+        }
+        for wave in numbers:
+            squares, multiplied = list[Array](), list[Array]()
+            for number, term in enumerate(terms):
+                rows = np.zeros((term.columns * term.target.shape[0], 2))
+                if number in parts:
+                    slope, s, weights = parts[number]
+                    both = np.stack([np.sin(wave * s), np.cos(wave * s)])
+                    summed = np.einsum("pmc,fpc,pk->kmcf", slope, both, weights)
+                    scaled = summed.reshape(-1, term.columns, 2) * values.scale[number][:, :, None]
+                    rows = scaled.transpose(1, 0, 2).reshape(-1, 2)
+                (multiplied if term.equality or term.heavy else squares).append(rows)
+            squares += [np.zeros((term.target.size, 2)) for k, term in enumerate(own.terms) if k not in self._numbered]
+            tail = np.concatenate(multiplied) if multiplied else np.empty((0, 2))
+            found.append(Columns(squares=np.concatenate(squares), multiplied=tail / self._base.sizes[:, None]))
+        return found
+
+    def _at_places(self, number: int, values: Values, position: Any, strength: int) -> tuple[Array, Array, Array]:
+        """Slope (S, m, C) in a strength and a position (S, C) at the places of a term, and their weights (S, K)."""
+        nlp, dae, term = self._program.nlp, self._dae, self._program.nlp.terms[number]
+        rows, width = nlp.interpolation.rows, term.data.shape[0] // term.places
+        v, d = ca.SX.sym("v", rows), ca.SX.sym("d", width)
+        nx, nu = nlp.interpolation.states, dae.u.shape[0]
+        inner = ca.Function("where", [dae.x, dae.p, dae.u, dae.t], [position])
+        p = ca.SX.sym("p", dae.p.shape[0])
+        where = ca.Function("where", [v, p, d], [inner(v[nx : 2 * nx], p, d[:nu], d[nu])]).map(term.columns)
+        slope, slopes, s = self._slopes[number], list[Array](), list[Array]()
+        m, n, mapped = slope.size1_out(0), len(self._strengths), slope.map(term.columns)
+        for place in range(term.places):
+            at, data = values.base[number][place * rows : (place + 1) * rows], values.data[number][place * width : (place + 1) * width]
+            J = np.asarray(mapped(at, values.parameters, values.parameters, data)).reshape(m, term.columns, n)
+            slopes.append(J[:, :, strength])
+            s.append(np.asarray(where(at, values.parameters, data)).ravel())
+        return np.array(slopes), np.array(s), np.eye(term.places) if term.moments is None else term.moments
+
     def _derivative(self, number: int, values: Values, decisions: Array) -> Array:
         """Of one term's rows, (C, K m, n).
 
@@ -173,8 +216,10 @@ class Enlarged:
         if not self._depends[number]:
             return np.zeros((term.columns, term.target.shape[0], n))
         if term.within is not None:
-            own = nlp.interpolation.local + len(nlp.free) - n
-            return nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:]
+            if number not in self._read:  # no shape is in a reading
+                own = nlp.interpolation.local + len(nlp.free) - n
+                self._read[number] = nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:].copy()
+            return self._read[number]
         rows, width = nlp.interpolation.rows, term.data.shape[0] // term.places
         m = self._slopes[number].size1_out(0)
         weights = np.eye(term.places) if term.moments is None else term.moments
@@ -206,7 +251,7 @@ class Enlarged:
         for term in self._program.nlp.terms:
             v, p, p_ref, d = (ca.SX.sym(name, *term.function.size_in(i)) for i, name in enumerate(("v", "p", "p_ref", "d")))
             slope = ca.jacobian(term.function(v, p, p_ref, d), p)[:, self._strengths]
-            found.append(ca.Function("slope", [v, p, p_ref, d], [ca.densify(slope)]))
+            found.append(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(slope))]))
         return found
 
     def _values(self, parameters: Array) -> tuple[Values, Array]:

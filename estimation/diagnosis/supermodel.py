@@ -42,10 +42,9 @@ def looked_at(problem: Problem, model: Model, base: Linearised, candidates: Sequ
     """All candidates that have a score, at all their shapes."""
     found = list[Look]()
     plain = [c for c in candidates if c.edits and c.strengths and not c.signals]
-    few, many = ([c for c in plain if (max((len(g) for g in c.shapes.values()), default=1) > 16) is large] for large in (False, True))
-    for group in (few, many):
-        if group:
-            found += _of_components(problem, model, base, group)
+    carried = {name for c in plain if c.wave is None for name in c.strengths}
+    waving = [c for c in plain if c.wave is not None and c.wave[0] in carried]
+    found += _of_components(problem, model, base, [c for c in plain if c not in waving], waving)
     freed = [c for c in candidates if not c.edits and c.strengths and not c.signals]
     if freed:
         found += _of_parameters(base, freed)
@@ -55,7 +54,7 @@ def looked_at(problem: Problem, model: Model, base: Linearised, candidates: Sequ
     return found
 
 
-def _of_components(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate]) -> list[Look]:
+def _of_components(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate], waving: list[Candidate]) -> list[Look]:
     dae, usable = _together(problem, model, base, candidates)
     if not usable:
         return []
@@ -65,6 +64,12 @@ def _of_components(problem: Problem, model: Model, base: Linearised, candidates:
     parameters = _values(dae, base.solution)
     enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, parameters)
     found, turns = list[Look](), max(_turns(c) for c in usable)
+    for c in waving:
+        carrier, position = c.wave or ("", "")
+        if carrier in at and position in dae.variables and not ca.depends_on(dae.variables[position], ca.vertcat(dae.dx, dae.z, dae.w)):
+            (grid,) = c.shapes.values()
+            waves = enlarged.waves(parameters, at[carrier], dae.variables[position], [2 * np.pi / period for period in grid])
+            found += [Look(candidate=c, shape=_shape(c, turn), columns=one) for turn, one in enumerate(waves)]
     for turn in range(turns):
         here = [c for c in usable if turn < _turns(c)]
         shapes = {c.strengths: _shape(c, turn) for c in here}

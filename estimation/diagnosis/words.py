@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from ..wording import listed
 from .verdict import Diagnosis, Explanation, Finding, HeldOut, Strength
 
-CERTAIN = 0.05  # p-value from which on a gain on what was held out may be chance
+UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 
 def sentence(found: Diagnosis) -> str:
@@ -31,9 +31,11 @@ def _verdict(found: Diagnosis) -> str:
         case "input":
             return f"An input does not act as it was recorded: {what}."
         case "unknown_physics":
-            return (
-                f"Something is missing at {listed([f.explanation.place for f in found.findings])} that no member of the library explains."
-            )
+            nameless = [f for f in found.findings if f.explanation.physics == UNKNOWN] or list(found.findings)
+            others = [named(f.explanation) for f in found.findings if f not in nameless]
+            beside = f", beside {listed(others)}" if others else ""
+            where = listed(list(dict.fromkeys(f.explanation.place for f in nameless)))
+            return f"Something is missing at {where} that no member of the library explains{beside}."
         case "undecided":
             rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
             return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["write_diagnosis_report"]
 
 LISTED = 30  # candidates in the table of what was tried
+DRAWN = 6  # residual forces: of a place in a recording
 
 
 def write_diagnosis_report(found: Diagnosis, path: str | Path) -> None:
@@ -98,11 +99,13 @@ def _residuals(found: Diagnosis) -> str:
 
 def _when(found: Diagnosis) -> str:
     """The residual force at the guilty places over time, and against what it may hang on."""
+    guilty = {f.explanation.place for f in found.findings}
+    shown = [k for k, m in enumerate(found.mismatch) if m.place in guilty] or list(range(len(found.mismatch)))
     by_place: dict[tuple[str, str], list[int]] = {}
-    for k, m in enumerate(found.mismatch):
-        by_place.setdefault((m.place, m.recording), []).append(k)
+    for k in shown:
+        by_place.setdefault((found.mismatch[k].place, found.mismatch[k].recording), []).append(k)
     parts = []
-    for number_, ((place, recording), which) in enumerate(by_place.items()):
+    for number_, ((place, recording), which) in enumerate(list(by_place.items())[:DRAWN]):
         chosen = [found.mismatch[k] for k in which]
         onsets = [f.onset for f in found.findings if f.explanation.place == place and f.onset is not None]
         told = [when(f) for f in found.findings if f.explanation.place == place]
@@ -114,22 +117,27 @@ def _when(found: Diagnosis) -> str:
 
 
 def _what(found: Diagnosis) -> str:
-    if not found.findings:
-        return ""
-    head = ["effect", "place", "strength", "acts", "share of the force there", "p", "evidence [nats]", "change of the model"]
-    rows = [_finding(f) for f in found.findings]
-    said = table(head, rows, words=(0, 1, 2, 3, 7), codes=(1, 7))
+    """Every finding with its numbers, and what else it might have been."""
+    parts = [f"<h3>{escape(_words(f.explanation.physics))} at {code(f.explanation.place)}</h3>{facts(_finding(f))}" for f in found.findings]
     note = (
-        "p: chance of as much evidence anywhere in the library if nothing were missing. Evidence: logarithm of how much likelier the "
-        "recordings are with the effect than without, all parameters estimated again in both."
+        "The chance is that of as much evidence anywhere in the library if nothing were missing. Evidence is the logarithm of how much "
+        "likelier the recordings are with the effect than without, all parameters estimated again in both."
     )
-    return said + f"<p class=note>{note}</p>"
+    return "".join(parts) + f"<p class=note>{note}</p>" if parts else ""
 
 
-def _finding(f: Finding) -> list[str]:
-    share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} %"
-    e = f.explanation
-    return [_words(e.physics), e.place, numbers(e.parameters) or NOTHING, when(f), share, _p(f.p_value), number(f.gain, 4), f.change]
+def _finding(f: Finding) -> list[tuple[str, str]]:
+    share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} % of the force there"
+    others = [f"{e.words} (lacks {number(e.gap, 3)} nats)" for e in f.alternatives]
+    pairs = [
+        ("strength", numbers(f.explanation.parameters) or NOTHING),
+        ("acts", when(f)),
+        ("share", share),
+        ("chance without it", _p(f.p_value)),
+        ("evidence", f"{number(f.gain, 4)} nats"),
+        ("change of the model", f.change),
+    ]
+    return [*pairs, *([("rather than", "; ".join(others))] if others else [])]
 
 
 def _tried(found: Diagnosis) -> str:
@@ -164,8 +172,8 @@ def _held_out(found: Diagnosis) -> str:
     said = (
         f"Windows of {joined([code(r) for r in held.recordings]) or escape(held.role)} are predicted with the inputs alone, from the "
         "state at their first row, by the model as declared with its parameters fitted again and by the repaired one. Prediction "
-        f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), p = {escape(_p(held.p_value))} "
-        f"from {held.blocks} blocks."
+        f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), "
+        f"{escape(_chance(held.p_value))} from {held.blocks} blocks."
     )
     if held.attainable_percent is not None:
         said += f" That is {number(held.attainable_percent, 3)} % of what a force that is free there would gain."
@@ -235,3 +243,7 @@ def _change(percent: float) -> str:
 
 def _p(p: float) -> str:
     return "< 0.0001" if p < 1e-4 else number(p, 2)
+
+
+def _chance(p: float) -> str:
+    return f"p {_p(p)}" if p < 1e-4 else f"p = {_p(p)}"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["held_out_charts", "mismatch_chart", "mismatch_scatter", "window_chart"]
 
 POINTS = 6000  # of a curve
+WIDE = 2.0  # times the force: a band that is wider tells of one sample alone, and hides the rest
 ABREAST = 4  # panels side by side, and outputs drawn
 SIDES = (("model as declared", COLOURS["residual"]), ("with the repair", COLOURS["smoothed"]))
 
@@ -25,15 +26,16 @@ def mismatch_chart(chosen: Sequence[Mismatch], onsets: Sequence[float], *, label
     """The residual force of one place over time, before the repair and, where there is a second one, after."""
     curves = []
     for m, (name, colour) in zip(chosen[: len(SIDES)], SIDES, strict=False):
-        rows = envelope(m.force, POINTS)
-        band = BAND * np.where(np.isfinite(m.std), m.std, 0.0)[rows]
-        curves.append(Curve(name=name, x=m.time[rows], y=m.force[rows], colour=colour, band=band))
+        rows, half = envelope(m.force, POINTS), BAND * np.where(np.isfinite(m.std), m.std, 0.0)
+        told = float(np.median(half)) < WIDE * float(np.sqrt(np.nanmean(chosen[0].force ** 2)))
+        curves.append(Curve(name=name, x=m.time[rows], y=m.force[rows], colour=colour, band=half[rows] if told else None))
     first = chosen[0]
     seen = first.force[np.isfinite(first.force)]
     ends = np.array([seen.min(), seen.max()]) if seen.size else np.zeros(2)
     for k, onset in enumerate(onsets):
         curves.append(Curve(name="from here on", x=np.full(2, onset), y=ends, colour=COLOURS["mean"], look="dashed", legend=k == 0))
-    caption = f"What the model does not explain at {first.place}: the force that would have to act there, with its 95 % band."
+    caption = f"What the model does not explain at {first.place}: the force that would have to act there"
+    caption += ", with its 95 % band." if any(c.band is not None for c in curves) else "."
     if onsets:
         caption += " Dashed: from when on the effect acts."
     return stack([Panel(curves=curves, y=f"force at {first.place}", y_unit=first.unit, height=230)], caption=caption, label=label)

@@ -21,6 +21,7 @@ __all__ = ["Mark", "drawing"]
 
 WIDTH, HEIGHT, ACROSS, DOWN = 126, 40, 64, 34  # of a box, and between boxes [px]
 MARGIN, SWEEPS, LETTERS = 14, 6, 17
+LEAST = 0.6  # of its size, to which a drawing shrinks before it scrolls
 STYLES = {
     "guilty": ("var(--warn)", "2.6", "", "var(--warn)"),
     "rival": ("var(--warn)", "1.6", "5 3", "none"),
@@ -45,7 +46,8 @@ class _Graph:
     grounded: frozenset[str]
 
     @classmethod
-    def of(cls, model: Model) -> _Graph:
+    def of(cls, model: Model, marks: Mapping[str, Mark]) -> _Graph:
+        """Of a model; what nothing is joined to, as a world that only has its gravity, is left out where nothing is said of it."""
         grounds = {name for name, c in model.components.items() if isinstance(c, tuple(GROUNDS.values()))}
         nodes = {f"input:{name}": "input" for name in model.inputs}
         nodes |= {name: type(c).__name__ for name, c in model.components.items() if name not in grounds}
@@ -55,7 +57,9 @@ class _Graph:
         ends = [(_owner(a), _owner(b)) for a, b in pairs]
         held = {a if b in grounds else b for a, b in ends if a in grounds or b in grounds}
         edges = dict.fromkeys(tuple(pair) for pair in ends if pair[0] != pair[1] and not grounds & set(pair))
-        return cls(nodes, tuple((a, b) for a, b in edges), frozenset(held - grounds))
+        joined = {end for pair in edges for end in pair} | held | marks.keys()
+        kept = {name: second for name, second in nodes.items() if name in joined} or nodes
+        return cls(kept, tuple((a, b) for a, b in edges), frozenset(held - grounds))
 
     def neighbours(self, node: str) -> list[str]:
         return [b if a == node else a for a, b in self.edges if node in (a, b)]
@@ -63,16 +67,16 @@ class _Graph:
 
 def drawing(model: Model, marks: Mapping[str, Mark], *, caption: str) -> str:
     """The model's components as a figure; marks: place (a component, input:F, sensor:x) -> what is said of it."""
-    graph = _Graph.of(model)
+    graph = _Graph.of(model, marks)
     at = _placed(graph)
     width = max(x for x, _ in at.values()) + WIDTH + 2 * MARGIN
-    height = max(y for _, y in at.values()) + HEIGHT + DOWN + MARGIN
+    height = max(y for _, y in at.values()) + HEIGHT + 20 + MARGIN
     lines = "".join(_line(at[a], at[b]) for a, b in graph.edges)
     boxes = "".join(_box(node, graph, at[node], marks.get(node, Mark())) for node in graph.nodes)
     label = escape(f"components of {model.name} and how they are joined", quote=True)
     return (
         f'<figure><div class=wide><svg viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" aria-label="{label}" '
-        f'style="max-width:100%;height:auto;font:12px system-ui,sans-serif">{lines}{boxes}</svg></div>'
+        f'style="max-width:100%;min-width:{LEAST * width:g}px;height:auto;font:12px system-ui,sans-serif">{lines}{boxes}</svg></div>'
         f"<figcaption>{escape(caption)}</figcaption></figure>"
     )
 

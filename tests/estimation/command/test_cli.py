@@ -388,10 +388,10 @@ def test_version_and_help_say_what_there_is(capsys):
     for arguments in ([], ["--help"]):
         assert main(arguments) == 0
         out = capsys.readouterr().out
-        for verb in ("demo", "models", "simulate", "smooth", "track", "weigh"):
+        for verb in ("demo", "diagnose", "models", "simulate", "smooth", "track", "weigh"):
             assert verb in out
     registered = {info.name or info.callback.__name__ for info in cli.app.registered_commands if info.callback}
-    assert registered == {"demo", "models", "simulate", "smooth", "track", "weigh"}
+    assert registered == {"demo", "diagnose", "models", "simulate", "smooth", "track", "weigh"}
 
 
 @pytest.mark.slow

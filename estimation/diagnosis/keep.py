@@ -1,0 +1,70 @@
+"""Finished parts of a diagnosis, one file each: what was interrupted goes on where it stopped.
+
+The files are pickles of this program for itself; they lie in a folder of its own and are named after everything that they hang on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import tempfile
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..problem import Problem
+from .candidates import Candidate
+
+DIGITS = 9  # of a number that tells one part from another
+
+
+class Keep:
+    """Parts of one diagnosis in a folder; None keeps nothing. A file that cannot be read counts as not there."""
+
+    def __init__(self, folder: Path | None, problem: Problem) -> None:
+        self.folder, self._problem = folder, _of_problem(problem) if folder else ""
+
+    def name(self, what: str, candidate: Candidate | None = None, start: Mapping[str, float] | None = None) -> str:
+        """Of a part: the problem, what came before, the candidate's edits and where its fit starts."""
+        edits = [edit.words for edit in candidate.edits] if candidate else []
+        numbers = {k: f"{v:.{DIGITS}g}" for k, v in sorted((start or {}).items())}
+        own = repr((version("backsight"), self._problem, what, candidate.key if candidate else "", edits, numbers))
+        return hashlib.sha256(own.encode()).hexdigest()[:32]
+
+    def get(self, name: str) -> Any:
+        """The part, None where there is none."""
+        if self.folder is None:
+            return None
+        try:
+            return pickle.loads((self.folder / f"{name}.part").read_bytes())
+        except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, IndexError, RuntimeError):
+            return None
+
+    def put(self, name: str, part: object) -> None:
+        """Keep it, whole or not at all."""
+        if self.folder is None:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        handle, path = tempfile.mkstemp(dir=self.folder, suffix=".new")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                pickle.dump(part, file)
+            os.replace(path, self.folder / f"{name}.part")
+        except BaseException:
+            Path(path).unlink(missing_ok=True)
+            raise
+
+
+def _of_problem(problem: Problem) -> str:
+    """What tells a problem from others: its equations, recordings, parameters and weights."""
+    found = hashlib.sha256(problem.dae.function().serialize().encode())
+    for r in problem.recordings:
+        for array in (r.time, *r.inputs.values(), *r.outputs.values()):
+            found.update(np.ascontiguousarray(array).tobytes())
+        found.update(repr((r.name, r.role, r.hold, r.output_std)).encode())
+    found.update(repr((problem.parameters, problem.weights, problem.initial, problem.bounds)).encode())
+    return found.hexdigest()
