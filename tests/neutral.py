@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -18,14 +20,17 @@ class Point:
         self.dx, self.x, self.z, self.u, self.w = (
             size * rng.standard_normal(part.shape[0]) for part in (dae.dx, dae.x, dae.z, dae.u, dae.w)
         )
-        known = dict(zip((q.name for q in dae.states), self.x, strict=True))
-        self.states = known
 
     def told(self, dae: Dae | None = None, values: Mapping[str, float] | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Residual and outputs of a model with the same unknowns."""
         dae = dae or self.dae
         assert [q.name for q in dae.states] == [q.name for q in self.dae.states]
         assert len(dae.algebraics) == len(self.dae.algebraics)
-        found = dae.function()(self.dx, self.x, self.z, self.u, dae.parameter_values(values), self.w, self.t)
+        found = _function(dae)(self.dx, self.x, self.z, self.u, dae.parameter_values(values), self.w, self.t)
         residual, output = (np.asarray(part).ravel() for part in found)
         return residual, output
+
+
+@cache
+def _function(dae: Dae) -> Any:
+    return dae.function()
