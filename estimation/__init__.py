@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from .classical.result import Baseline
     from .classical.two_stage import two_stage
     from .classical.zoh_prediction_error import zoh_prediction_error
-    from .diagnosis import Diagnosis, diagnose
+    from .diagnosis.diagnose import diagnose
+    from .diagnosis.verdict import Diagnosis
     from .problem import Free, Known, Problem, Weights
     from .recordings.columns import InputColumn, OutputColumn
     from .recordings.recording import Recording
@@ -45,7 +46,8 @@ _HOME = {
     "classical.result": ("Baseline",),
     "classical.two_stage": ("two_stage",),
     "classical.zoh_prediction_error": ("zoh_prediction_error",),
-    "diagnosis": ("Diagnosis", "diagnose"),
+    "diagnosis.diagnose": ("diagnose",),
+    "diagnosis.verdict": ("Diagnosis",),
     "problem": ("Free", "Known", "Problem", "Weights"),
     "recordings.columns": ("InputColumn", "OutputColumn"),
     "recordings.recording": ("Recording",),
