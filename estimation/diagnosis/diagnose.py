@@ -47,7 +47,8 @@ Judged = tuple[Candidate, Screened | None, Fitted]
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
-FITTED, EACH, MOST = 5, 1, 9  # candidates that are fitted in a round: the best, of every other place, in all
+FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
+WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
 EFFECTS = 4
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
@@ -330,9 +331,11 @@ def _chosen(found: Screen, sizes: Sizes) -> list[Screened]:
                 worth[same] = s
         elif not _simpler(s, found.found):
             worth.append(s)
-    chosen, places = worth[:FITTED], Counter(s.candidate.place for s in worth[:FITTED])
-    for s in worth[FITTED:]:
-        if places[s.candidate.place] < EACH and len(chosen) < MOST:
+    most = max((s.gain for s in worth), default=0.0)
+    chosen = [s for s in worth if s.gain >= WORTH * most][:FITTED]
+    places = Counter(s.candidate.place for s in chosen)
+    for s in worth:
+        if s not in chosen and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(chosen) < MOST:
             chosen.append(s)
             places[s.candidate.place] += 1
     return chosen
