@@ -7,7 +7,6 @@ and then the proof on what was held out. Everything is judged with trajectories,
 
 from __future__ import annotations
 
-import os
 import pickle
 import time
 from collections import Counter
@@ -59,7 +58,7 @@ UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than t
 def diagnose(
     problem: Problem,
     *,
-    jobs: int | None = None,
+    jobs: int = 1,
     scheduler: str | None = None,
     keep: Path | None = None,
     seed: int = 0,
@@ -67,7 +66,7 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model of a problem leaves out, name it, put it into the model, and prove the gain on what was held out.
 
-    jobs: processes of this machine, by itself as many as it has processors; scheduler: address of a Dask cluster instead. keep: a folder
+    jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder
     where finished fits stay, so that an interrupted diagnosis goes on. seed: of the draws behind the p-values. Raises InputError where the
     problem cannot be smoothed at all, or its model is not made of components.
     """
@@ -76,7 +75,7 @@ def diagnose(
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
-    with workers(jobs or os.cpu_count() or 1, scheduler) as pool:
+    with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
         first = _smoothed(posed, kept, say)
         if not first.solver.converged:
