@@ -1,29 +1,28 @@
 """Concealed cases of the axis."""
 
 from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..generators.concealed.acting import InputFault
 from ..generators.concealed.actuator import CONDITIONS, Axis, position
-from ..generators.concealed.effects import Coulomb, Effect, Law, laws, on
-from ..generators.concealed.rig import operate, shares
-from ..generators.run import clock
-from .case import CLEAN, Case, Taken, conditions, same, wrong
+from ..generators.concealed.effects import Coulomb, Effect, Law, Wrench, laws, on
+from ..generators.concealed.rig import Control, Machine
+from .case import CLEAN, Case, RigBench, Values, same, wrong
 
 __all__ = ["BENCH"]
 
-Values = Mapping[str, float]
 SOFT = 0.4  # gains of the control with an elastic screw
 
 
-def friction(physics: str, parameters: Mapping[str, tuple[float, str]], rivals: tuple[tuple[str, str], ...] = (), **how: object) -> Effect:
+def friction(physics: str, parameters: Mapping[str, tuple[float, str]], rivals: tuple[tuple[str, str], ...] = (), **how: Any) -> Effect:
     """Friction of the carriage, wherever along the rigid screw it is placed."""
     others = (*same(physics, "friction", "screw"), *rivals)
-    return Effect(place="carriage", physics=physics, parameters=parameters, rivals=others, **how)  # type: ignore[arg-type]
+    return Effect(place="carriage", physics=physics, parameters=parameters, rivals=others, **how)
 
 
-def at(law: Law):  # type: ignore[no-untyped-def]
+def at(law: Law) -> Wrench:
     """The law as a force on the carriage."""
     return on(0, 1, law)
 
@@ -63,7 +62,7 @@ def cogging(amplitude: float, period: float, phase: float = 0.0) -> Effect:
     return Effect(place="carriage", physics="cogging", parameters=told, rivals=rivals, force=at(laws.cogging(amplitude, period, phase)))
 
 
-def screw(physics: str, told: Mapping[str, tuple[float, str]], **structure: object) -> Effect:
+def screw(physics: str, told: Mapping[str, tuple[float, str]], **structure: Any) -> Effect:
     rivals = (("carriage", physics), ("screw", "compliance"), ("screw", "backlash"))
     return Effect(place="screw", physics=physics, parameters=told, rivals=rivals, structure=structure)
 
@@ -83,7 +82,7 @@ def constant(f: float) -> Effect:
     return Effect(place="carriage", physics="constant_force", parameters={"f": (f, "N")}, rivals=rivals, force=law)
 
 
-def late(physics: str, **fault: float) -> Effect:
+def late(physics: str, **fault: Any) -> Effect:
     told = {"delay" if physics == "input_delay" else "tau": (next(iter(fault.values())), "s")}
     rivals = (("input:F", "input_lag"), ("input:F", "input_delay"), ("sensor:x", "sensor_delay"), ("sensor:x", "sensor_lag"))
     return Effect(place="input:F", physics=physics, parameters=told, rivals=rivals, inputs={"F": InputFault(**fault)})
@@ -111,133 +110,141 @@ def wavy(v: Values, s: float) -> Effect:
 
 LATE = ("undecided", "sensor")
 FAULTY = (
-    Case(kind="coulomb", effects=lambda v, s: (coulomb(15 * s),), core=True),
-    Case(kind="coulomb", effects=lambda v, s: (coulomb(2.5 * s),), strength="weak", motions=("multisine", "trapezoids")),
-    Case(kind="stribeck", effects=lambda v, s: (stribeck(v, 45 * s, 0.07),), motions=("steps", "multisine"), size=0.7),
-    Case(kind="stribeck", effects=lambda v, s: (stribeck(v, 18 * s, 0.03),), strength="weak", core=True),
-    Case(kind="logarithmic", effects=lambda v, s: (logarithmic(s),), base={"friction.d": 60.0}),
-    Case(kind="asymmetric_viscous", effects=lambda v, s: (asymmetric(v, 0.3 * s),), motions=("trapezoids", "multisine", "chirp")),
-    Case(kind="asymmetric_viscous", effects=lambda v, s: (asymmetric(v, 0.09 * s),), strength="weak", motions=("steps", "multisine")),
-    Case(kind="cogging", effects=lambda v, s: (cogging(16 * s, 0.02),), motions=("multisine", "steps")),
-    Case(kind="cogging", effects=lambda v, s: (cogging(5 * s, 0.012, 1.0),), strength="weak", core=True),
+    Case(kind="coulomb", effects=lambda d: (coulomb(15 * d.size),), core=True),
+    Case(kind="coulomb", effects=lambda d: (coulomb(2.5 * d.size),), strength="weak", motions=("multisine", "trapezoids")),
+    Case(kind="stribeck", effects=lambda d: (stribeck(d.values, 45 * d.size, 0.07),), motions=("steps", "multisine"), size=0.7),
+    Case(kind="stribeck", effects=lambda d: (stribeck(d.values, 18 * d.size, 0.03),), strength="weak", core=True),
+    Case(kind="logarithmic", effects=lambda d: (logarithmic(d.size),), base={"friction.d": 60.0}),
+    Case(kind="asymmetric_viscous", effects=lambda d: (asymmetric(d.values, 0.3 * d.size),), motions=("trapezoids", "multisine", "chirp")),
+    Case(
+        kind="asymmetric_viscous", effects=lambda d: (asymmetric(d.values, 0.09 * d.size),), strength="weak", motions=("steps", "multisine")
+    ),
+    Case(kind="cogging", effects=lambda d: (cogging(16 * d.size, 0.02),), motions=("multisine", "steps")),
+    Case(kind="cogging", effects=lambda d: (cogging(5 * d.size, 0.012, 1.0),), strength="weak", core=True),
     Case(
         kind="backlash",
-        effects=lambda v, s: (screw("backlash", {"gap": (1e-4 * s, "m")}, k=1e6, gap=1e-4 * s),),
+        effects=lambda d: (screw("backlash", {"gap": (1e-4 * d.size, "m")}, k=1e6, gap=1e-4 * d.size),),
         also=("undecided",),
     ),
     Case(
         kind="backlash_behind",
-        effects=lambda v, s: (screw("backlash", {"gap": (3e-4 * s, "m")}, k=1e6, gap=3e-4 * s, encoder="carriage"),),
+        effects=lambda d: (screw("backlash", {"gap": (3e-4 * d.size, "m")}, k=1e6, gap=3e-4 * d.size, encoder="carriage"),),
         also=("undecided", "input"),
         motions=("multisine", "steps"),
     ),
     Case(
-        kind="compliance", effects=lambda v, s: (screw("compliance", {"k": (1e6 / s, "N/m")}, k=1e6 / s, d_s=300.0),), also=("undecided",)
+        kind="compliance",
+        effects=lambda d: (screw("compliance", {"k": (1e6 / d.size, "N/m")}, k=1e6 / d.size, d_s=300.0),),
+        also=("undecided",),
     ),
     Case(
         kind="compliance_behind",
-        effects=lambda v, s: (screw("compliance", {"k": (1e6 / s, "N/m")}, k=1e6 / s, d_s=300.0, encoder="carriage"),),
+        effects=lambda d: (screw("compliance", {"k": (1e6 / d.size, "N/m")}, k=1e6 / d.size, d_s=300.0, encoder="carriage"),),
         also=("undecided", "input", "sensor"),
         motions=("steps", "trapezoids"),
     ),
-    Case(kind="input_saturation", effects=lambda v, s: (command("input_saturation", "limit", 170 / s, "N"),), verdict="input"),
-    Case(kind="input_dead_zone", effects=lambda v, s: (command("input_dead_zone", "width", 14 * s, "N"),), verdict="input"),
-    Case(kind="input_lag", effects=lambda v, s: (late("input_lag", tau=0.010 * s),), verdict="input", also=LATE, core=True),
-    Case(kind="input_delay", effects=lambda v, s: (late("input_delay", delay=0.0053 * s),), verdict="input", also=LATE),
-    Case(kind="input_delay", effects=lambda v, s: (late("input_delay", delay=0.0006 * s),), strength="weak", verdict="input", also=LATE),
+    Case(kind="input_saturation", effects=lambda d: (command("input_saturation", "limit", 170 / d.size, "N"),), verdict="input"),
+    Case(kind="input_dead_zone", effects=lambda d: (command("input_dead_zone", "width", 14 * d.size, "N"),), verdict="input"),
+    Case(kind="input_lag", effects=lambda d: (late("input_lag", tau=0.010 * d.size),), verdict="input", also=LATE, core=True),
+    Case(kind="input_delay", effects=lambda d: (late("input_delay", delay=0.0053 * d.size),), verdict="input", also=LATE),
+    Case(kind="input_delay", effects=lambda d: (late("input_delay", delay=0.0006 * d.size),), strength="weak", verdict="input", also=LATE),
     Case(
         kind="quadratic_drag",
-        effects=lambda v, s: (potential("quadratic_drag", {"c": (280 * s, "N.s2/m2")}, laws.quadratic_drag(280 * s)),),
+        effects=lambda d: (potential("quadratic_drag", {"c": (280 * d.size, "N.s2/m2")}, laws.quadratic_drag(280 * d.size)),),
         motions=("multisine", "trapezoids"),
     ),
-    Case(kind="spring", effects=lambda v, s: (potential("spring", {"k": (180 * s, "N/m")}, laws.spring(180 * s)),)),
+    Case(kind="spring", effects=lambda d: (potential("spring", {"k": (180 * d.size, "N/m")}, laws.spring(180 * d.size)),)),
     Case(
         kind="spring",
-        effects=lambda v, s: (potential("spring", {"k": (50 * s, "N/m")}, laws.spring(50 * s)),),
+        effects=lambda d: (potential("spring", {"k": (50 * d.size, "N/m")}, laws.spring(50 * d.size)),),
         strength="weak",
         motions=("multisine", "steps"),
     ),
-    Case(kind="cubic_spring", effects=lambda v, s: (potential("cubic_spring", {"k3": (2e4 * s, "N/m3")}, laws.spring(0.0, 2e4 * s)),)),
+    Case(
+        kind="cubic_spring", effects=lambda d: (potential("cubic_spring", {"k3": (2e4 * d.size, "N/m3")}, laws.spring(0.0, 2e4 * d.size)),)
+    ),
     Case(
         kind="end_stop",
-        effects=lambda v, s: (potential("end_stop", {"x": (0.09, "m"), "k": (2e3 * s, "N/m")}, laws.end_stop(0.09, 2e3 * s)),),
+        effects=lambda d: (potential("end_stop", {"x": (0.09, "m"), "k": (2e3 * d.size, "N/m")}, laws.end_stop(0.09, 2e3 * d.size)),),
     ),
-    Case(kind="constant_force", effects=lambda v, s: (constant(13 * s),), also=("undecided", "input", "parameter")),
-    Case(kind="position_dependent_friction", effects=lambda v, s: (wavy(v, s),), motions=("multisine", "steps")),
+    Case(kind="constant_force", effects=lambda d: (constant(13 * d.size),), also=("undecided", "input", "parameter")),
+    Case(kind="position_dependent_friction", effects=lambda d: (wavy(d.values, d.size),), motions=("multisine", "steps")),
     Case(
         kind="presliding",
-        effects=lambda v, s: (
+        effects=lambda d: (
             friction(
-                "presliding_friction", {"sigma_0": (9e4 / s, "N/m")}, structure={"sigma_0": 9e4 / s}, rivals=(("carriage", "stick_slip"),)
+                "presliding_friction",
+                {"sigma_0": (9e4 / d.size, "N/m")},
+                structure={"sigma_0": 9e4 / d.size},
+                rivals=(("carriage", "stick_slip"),),
             ),
         ),
         motions=("steps", "multisine"),
         size=0.5,
     ),
-    Case(kind="coulomb+cogging", effects=lambda v, s: (coulomb(14 * s), cogging(10 * s, 0.025)), motions=("multisine", "trapezoids")),
+    Case(
+        kind="coulomb+cogging", effects=lambda d: (coulomb(14 * d.size), cogging(10 * d.size, 0.025)), motions=("multisine", "trapezoids")
+    ),
     Case(
         kind="asymmetric+cubic_spring",
-        effects=lambda v, s: (asymmetric(v, 0.25 * s), potential("cubic_spring", {"k3": (1.5e4 * s, "N/m3")}, laws.spring(0.0, 1.5e4 * s))),
+        effects=lambda d: (
+            asymmetric(d.values, 0.25 * d.size),
+            potential("cubic_spring", {"k3": (1.5e4 * d.size, "N/m3")}, laws.spring(0.0, 1.5e4 * d.size)),
+        ),
     ),
     Case(kind="wrong:carriage.m", effects=wrong("carriage.m", 1.15), strength="parameter", verdict="parameter", core=True),
     Case(kind="wrong:friction.d", effects=wrong("friction.d", 0.85), strength="parameter", verdict="parameter"),
     Case(
         kind="onset:coulomb",
-        effects=lambda v, s: (friction("coulomb_friction", {"f_c": (14 * s, "N")}, friction=(Coulomb(i=0, level=14 * s),), onset=5.0),),
+        effects=lambda d: (
+            friction("coulomb_friction", {"f_c": (14 * d.size, "N")}, friction=(Coulomb(i=0, level=14 * d.size),), onset=5.0),
+        ),
     ),
     Case(
         kind="onset:input_gain",
-        effects=lambda v, s: (command("input_gain", "gain", 1 - 0.13 * s, "1", onset=6.0),),
+        effects=lambda d: (command("input_gain", "gain", 1 - 0.13 * d.size, "1", onset=6.0),),
         verdict="input",
         motions=("multisine", "trapezoids"),
     ),
-    Case(kind="unknown:whirl", effects=lambda v, s: (unknown(laws.whirl(120 * s, 0.05)),), verdict="unknown_physics", also=("undecided",)),
+    Case(
+        kind="unknown:whirl", effects=lambda d: (unknown(laws.whirl(120 * d.size, 0.05)),), verdict="unknown_physics", also=("undecided",)
+    ),
     Case(
         kind="unknown:chirp",
-        effects=lambda v, s: (unknown(laws.chirp(20 * s, 1.0, 0.8)),),
+        effects=lambda d: (unknown(laws.chirp(20 * d.size, 1.0, 0.8)),),
         verdict="unknown_physics",
         also=("undecided",),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="unknown:bumps",
-        effects=lambda v, s: (unknown(laws.bumps(40 * s, np.array([1.1, 2.9, 4.2, 6.6, 7.4, 9.1]), 0.08)),),
+        effects=lambda d: (unknown(laws.bumps(40 * d.size, np.array([1.1, 2.9, 4.2, 6.6, 7.4, 9.1]), 0.08)),),
         verdict="unknown_physics",
         also=("undecided",),
     ),
 )
 
 
-class Bench:
+class Rack(RigBench):
     """The axis of the suite."""
 
     plant = "actuator"
-    base: Mapping[str, float] = {"carriage.m": 95.0, "friction.d": 200.0, "friction.f_c": 20.0, "offset.f": 0.0}
-    known: Mapping[str, float] = {}
+    base: ClassVar[Mapping[str, float]] = {"carriage.m": 95.0, "friction.d": 200.0, "friction.f_c": 20.0, "offset.f": 0.0}
     absent = ("offset.f",)
     order = ("carriage.m", "friction.d", "friction.f_c", "offset.f")
     inputs = ("F",)
     conditions = CONDITIONS
-    force: Mapping[str, float] = {"carriage": 130.0}
+    force: ClassVar[Mapping[str, float]] = {"carriage": 130.0}
     cases = (*CLEAN, *FAULTY)
 
-    def take(self, true: Values, plain: Values, effects: tuple[Effect, ...], case: Case, motion: str, seed: list[int]) -> Taken:
-        """One recording."""
-        structure = {name: value for e in effects for name, value in e.structure.items()}
-        setting = conditions(case, self.conditions, self.force)
-        time = clock(setting.conditions, np.random.default_rng([*seed, 0]))
-        axis, without = axis_of(true, structure), axis_of(plain, {})
-        step, gains = setting.conditions.step, SOFT if axis.elastic else 1.0
-        control = position(motion, time, step, case.size, np.random.default_rng([*seed, 1]), gains)
-        trace = operate(axis, control, setting, effects, np.random.default_rng([*seed, 0]))
-        outputs = trace.recorded(axis.outputs, effects)
-        clean = dict(zip(axis.outputs, trace.clean.T, strict=True))
-        return Taken(time=trace.time, inputs={"F": trace.commands[:, 0]}, outputs=outputs, clean=clean, shares=shares(without, axis, trace))
+    def machine(self, values: Values, structure: Mapping[str, Any]) -> Machine:
+        """The axis."""
+        v = values
+        return Axis(m=v["carriage.m"], d=v["friction.d"], f_c=v["friction.f_c"], f_0=v["offset.f"], m_m=30.0, **structure)
+
+    def control(self, machine: Machine, case: Case, motion: str, time: np.ndarray, step: float, rng: np.random.Generator) -> Control:
+        """The position of the encoder, with softer gains behind an elastic screw."""
+        return position(motion, time, step, case.size, rng, SOFT if machine.substeps > 1 and machine.start.size > 1 else 1.0)
 
 
-def axis_of(v: Values, structure: Mapping[str, object]) -> Axis:
-    """The axis with these values and this structure."""
-    return Axis(m=v["carriage.m"], d=v["friction.d"], f_c=v["friction.f_c"], f_0=v["offset.f"], m_m=30.0, **structure)  # type: ignore[arg-type]
-
-
-BENCH = Bench()
+BENCH = Rack()

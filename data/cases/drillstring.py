@@ -1,27 +1,25 @@
 """Concealed cases of the drillstring."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..generators.concealed.acting import InputFault
 from ..generators.concealed.drillstring import CONDITIONS, Rig, speed
-from ..generators.concealed.effects import Coulomb, Effect, Law, laws
-from ..generators.concealed.rig import operate, shares
+from ..generators.concealed.effects import Coulomb, Effect, Law, Wrench, laws
+from ..generators.concealed.rig import Control, Machine
 from ..generators.concealed.sensing import SensorFault
 from ..generators.drillstring import with_values
-from ..generators.run import clock
-from .case import Case, Taken, clean, conditions, same, wrong
+from .case import CLEAN, Case, RigBench, Values, same, wrong
 
 __all__ = ["BENCH"]
 
-Values = Mapping[str, float]
 TABLE, BIT = 1, 2
 Told = Mapping[str, tuple[float, str]]
 
 
-def turning(i: int, law: Law):  # type: ignore[no-untyped-def]
+def turning(i: int, law: Law) -> Wrench:
     """The law as a torque on the table or the bit; the bit's and the table's angles count from the start."""
 
     def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -91,8 +89,8 @@ def asymmetric(v: Values, plus: float, minus: float) -> Effect:
     return Effect(place="rotary_table", physics="asymmetric_friction", parameters=told, force=law)
 
 
-def sensor(output: str, physics: str, told: Told, *rivals: tuple[str, str], **fault: float) -> Effect:
-    faults = {output: SensorFault(**fault)}  # type: ignore[arg-type]
+def sensor(output: str, physics: str, told: Told, *rivals: tuple[str, str], **fault: Any) -> Effect:
+    faults = {output: SensorFault(**fault)}
     return Effect(place=f"sensor:{output}", physics=physics, parameters=told, rivals=rivals, sensors=faults)
 
 
@@ -109,15 +107,22 @@ GAIN_I = (("motor", "motor.R"), ("motor", "wrong_parameter"))
 OFFSET = (("input:V", "input_offset"), ("motor", "constant_force"))
 SENSOR, NOT_SURE = ("undecided", "sensor"), ("undecided",)
 FAULTY = (
-    Case(kind="stick_slip", effects=lambda v, s: (stick_slip(0.22 * s, 0.30 * s),), motions=("slow", "steps"), core=True),
-    Case(kind="stick_slip", effects=lambda v, s: (stick_slip(0.005 * s, 0.006 * s),), strength="weak", motions=("multisine", "steps")),
-    Case(kind="coulomb_table", effects=lambda v, s: (table(0.09 * s),), motions=("steps", "multisine"), core=True),
-    Case(kind="coulomb_table", effects=lambda v, s: (table(0.011 * s),), strength="weak", motions=("multisine", "slow"), both=True),
-    Case(kind="second_string_section", effects=lambda v, s: (section(0.7 / s),), motions=("multisine", "steps"), also=NOT_SURE),
-    Case(kind="string_damping", effects=lambda v, s: (damping(0.030 * s),), motions=("steps", "multisine")),
-    Case(kind="string_damping", effects=lambda v, s: (damping(0.007 * s),), strength="weak", motions=("multisine", "steps"), core=True),
-    Case(kind="quadratic_drag_bit", effects=lambda v, s: (drag("bha", BIT, 2e-3 * s),), motions=("multisine", "steps")),
-    Case(kind="asymmetric_table", effects=lambda v, s: (asymmetric(v, 0.04 * s, -0.02 * s),), motions=("multisine", "steps"), both=True),
+    Case(kind="stick_slip", effects=lambda d: (stick_slip(0.22 * d.size, 0.30 * d.size),), motions=("slow", "steps"), core=True),
+    Case(
+        kind="stick_slip", effects=lambda d: (stick_slip(0.005 * d.size, 0.006 * d.size),), strength="weak", motions=("multisine", "steps")
+    ),
+    Case(kind="coulomb_table", effects=lambda d: (table(0.09 * d.size),), motions=("steps", "multisine"), core=True),
+    Case(kind="coulomb_table", effects=lambda d: (table(0.011 * d.size),), strength="weak", motions=("multisine", "slow"), both=True),
+    Case(kind="second_string_section", effects=lambda d: (section(0.7 / d.size),), motions=("multisine", "steps"), also=NOT_SURE),
+    Case(kind="string_damping", effects=lambda d: (damping(0.030 * d.size),), motions=("steps", "multisine")),
+    Case(kind="string_damping", effects=lambda d: (damping(0.007 * d.size),), strength="weak", motions=("multisine", "steps"), core=True),
+    Case(kind="quadratic_drag_bit", effects=lambda d: (drag("bha", BIT, 2e-3 * d.size),), motions=("multisine", "steps")),
+    Case(
+        kind="asymmetric_table",
+        effects=lambda d: (asymmetric(d.values, 0.04 * d.size, -0.02 * d.size),),
+        motions=("multisine", "steps"),
+        both=True,
+    ),
     Case(kind="wrong:motor.R", effects=wrong("motor.R", 1.15), strength="parameter", verdict="parameter", also=SENSOR, core=True),
     Case(
         kind="wrong:motor.Km",
@@ -130,58 +135,64 @@ FAULTY = (
     Case(kind="wrong:string.k", effects=wrong("string.k", 1.15), strength="parameter", verdict="parameter"),
     Case(
         kind="sensor_gain:I_m",
-        effects=lambda v, s: (sensor("I_m", "sensor_gain", {"gain": (1 + 0.12 * s, "1")}, *GAIN_I, gain=1 + 0.12 * s),),
+        effects=lambda d: (sensor("I_m", "sensor_gain", {"gain": (1 + 0.12 * d.size, "1")}, *GAIN_I, gain=1 + 0.12 * d.size),),
         verdict="sensor",
         also=("undecided", "parameter"),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="sensor_bias:Omega_r",
-        effects=lambda v, s: (sensor("Omega_r", "sensor_bias", {"bias": (0.25 * s, "rad/s")}, *OFFSET, bias=0.25 * s),),
+        effects=lambda d: (sensor("Omega_r", "sensor_bias", {"bias": (0.25 * d.size, "rad/s")}, *OFFSET, bias=0.25 * d.size),),
         verdict="sensor",
         also=("undecided", "input"),
     ),
     Case(
         kind="sensor_lag:Omega_r",
-        effects=lambda v, s: (sensor("Omega_r", "sensor_lag", {"tau": (0.12 * s, "s")}, ("sensor:Omega_r", "sensor_delay"), tau=0.12 * s),),
+        effects=lambda d: (
+            sensor("Omega_r", "sensor_lag", {"tau": (0.12 * d.size, "s")}, ("sensor:Omega_r", "sensor_delay"), tau=0.12 * d.size),
+        ),
         verdict="sensor",
         motions=("steps", "multisine"),
     ),
     Case(
         kind="input_offset",
-        effects=lambda v, s: (
-            command("input_offset", "offset", 4.0 * s, "V", ("sensor:Omega_r", "sensor_bias"), ("motor", "constant_force")),
+        effects=lambda d: (
+            command("input_offset", "offset", 4.0 * d.size, "V", ("sensor:Omega_r", "sensor_bias"), ("motor", "constant_force")),
         ),
         verdict="input",
         also=("undecided", "sensor", "missing_physics"),
     ),
     Case(
         kind="input_gain",
-        effects=lambda v, s: (command("input_gain", "gain", 1 - 0.09 * s, "1"),),
+        effects=lambda d: (command("input_gain", "gain", 1 - 0.09 * d.size, "1"),),
         verdict="input",
         also=NOT_SURE,
         motions=("multisine", "steps"),
     ),
     Case(
         kind="input_delay",
-        effects=lambda v, s: (command("input_delay", "delay", 0.05 * s, "s", ("input:V", "input_lag")),),
+        effects=lambda d: (command("input_delay", "delay", 0.05 * d.size, "s", ("input:V", "input_lag")),),
         strength="weak",
         verdict="input",
         also=NOT_SURE,
         motions=("steps", "trapezoids"),
     ),
-    Case(kind="onset:coulomb_table", effects=lambda v, s: (table(0.12 * s, onset=20.0),), motions=("multisine", "steps")),
-    Case(kind="onset:harder_rock", effects=lambda v, s: (harder(0.12 * s, onset=18.0),), motions=("steps", "multisine")),
-    Case(kind="coulomb_table+string_damping", effects=lambda v, s: (table(0.09 * s), damping(0.012 * s)), motions=("multisine", "steps")),
+    Case(kind="onset:coulomb_table", effects=lambda d: (table(0.12 * d.size, onset=20.0),), motions=("multisine", "steps")),
+    Case(kind="onset:harder_rock", effects=lambda d: (harder(0.12 * d.size, onset=18.0),), motions=("steps", "multisine")),
+    Case(
+        kind="coulomb_table+string_damping",
+        effects=lambda d: (table(0.09 * d.size), damping(0.012 * d.size)),
+        motions=("multisine", "steps"),
+    ),
     Case(
         kind="unknown:chirp_table",
-        effects=lambda v, s: (unknown("rotary_table", TABLE, laws.chirp(0.12 * s, 0.2, 0.04)),),
+        effects=lambda d: (unknown("rotary_table", TABLE, laws.chirp(0.12 * d.size, 0.2, 0.04)),),
         verdict="unknown_physics",
         also=NOT_SURE,
     ),
     Case(
         kind="unknown:bumps_bit",
-        effects=lambda v, s: (unknown("bha", BIT, laws.bumps(0.25 * s, np.array([5.0, 8.0, 14.0, 19.0, 27.0, 30.0, 36.0]), 0.4)),),
+        effects=lambda d: (unknown("bha", BIT, laws.bumps(0.25 * d.size, np.array([5.0, 8.0, 14.0, 19.0, 27.0, 30.0, 36.0]), 0.4)),),
         verdict="unknown_physics",
         also=NOT_SURE,
         motions=("multisine", "steps"),
@@ -189,11 +200,11 @@ FAULTY = (
 )
 
 
-class Bench:
+class Rack(RigBench):
     """The drillstring of the suite."""
 
     plant = "drillstring"
-    base: Mapping[str, float] = {
+    base: ClassVar[Mapping[str, float]] = {
         "rotary_table.J": 0.3,
         "rotary_table.d": 0.03,
         "string.k": 0.0868,
@@ -202,31 +213,23 @@ class Bench:
         "bit.tau_sl": 0.4,
         "bit.tau_st": 0.6,
     }
-    known: Mapping[str, float] = {"motor.L": 0.116, "motor.R": 22.0, "motor.Km": 11.0}
-    absent: tuple[str, ...] = ()
+    known: ClassVar[Mapping[str, float]] = {"motor.L": 0.116, "motor.R": 22.0, "motor.Km": 11.0}
     order = (
         "motor.L", "motor.R", "motor.Km", "rotary_table.J", "rotary_table.d", "string.k", "bha.J", "bha.d", "bit.tau_sl", "bit.tau_st"
     )  # fmt: skip
     inputs = ("V",)
     conditions = CONDITIONS
-    force: Mapping[str, float] = {"rotary_table": 0.8, "bha": 0.45}
-    cases = (*clean(), *FAULTY)
+    force: ClassVar[Mapping[str, float]] = {"rotary_table": 0.8, "bha": 0.45}
+    cases = (*CLEAN, *FAULTY)
 
-    def take(self, true: Values, plain: Values, effects: tuple[Effect, ...], case: Case, motion: str, seed: list[int]) -> Taken:
-        """One recording."""
-        structure = {name: value for e in effects for name, value in e.structure.items()}
-        setting = conditions(case, self.conditions, self.force)
-        time = clock(setting.conditions, np.random.default_rng([*seed, 0]))
-        rig = replace(Rig(string=with_values(true)), **structure)  # type: ignore[arg-type]
-        control = speed(motion, time, setting.conditions.step, case.size, np.random.default_rng([*seed, 1]), case.both)
-        trace = operate(rig, control, setting, effects, np.random.default_rng([*seed, 0]))
-        return Taken(
-            time=trace.time,
-            inputs={"V": trace.commands[:, 0]},
-            outputs=trace.recorded(rig.outputs, effects),
-            clean=dict(zip(rig.outputs, trace.clean.T, strict=True)),
-            shares=shares(Rig(string=with_values(plain)), rig, trace),
-        )
+    def machine(self, values: Values, structure: Mapping[str, Any]) -> Machine:
+        """The drillstring."""
+        return Rig(string=with_values(values), **structure)
+
+    def control(self, machine: Machine, case: Case, motion: str, time: np.ndarray, step: float, rng: np.random.Generator) -> Control:
+        """The speed of the table."""
+        del machine
+        return speed(motion, time, step, case.size, rng, case.both)
 
 
-BENCH = Bench()
+BENCH = Rack()

@@ -1,31 +1,29 @@
 """Concealed cases of the five-bar arm."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..generators.concealed.acting import InputFault
-from ..generators.concealed.effects import Coulomb, Effect, Law, laws, on
+from ..generators.concealed.effects import Coulomb, Effect, Law, Wrench, laws, on
 from ..generators.concealed.five_bar import CONDITIONS, LINKS, Joints, position
-from ..generators.concealed.rig import operate, shares
+from ..generators.concealed.rig import Control, Machine
 from ..generators.concealed.sensing import SensorFault
 from ..generators.five_bar import with_values
-from ..generators.run import clock
-from .case import CLEAN, Case, Taken, conditions, same, wrong
+from .case import CLEAN, Case, RigBench, Values, same, wrong
 
 __all__ = ["BENCH"]
 
-Values = Mapping[str, float]
 Told = Mapping[str, tuple[float, str]]
 
 
-def joint(number: int, physics: str, told: Told, *rivals: tuple[str, str], **how: object) -> Effect:
+def joint(number: int, physics: str, told: Told, *rivals: tuple[str, str], **how: Any) -> Effect:
     """An effect in a joint."""
-    return Effect(place=f"joint_{number}", physics=physics, parameters=told, rivals=rivals, **how)  # type: ignore[arg-type]
+    return Effect(place=f"joint_{number}", physics=physics, parameters=told, rivals=rivals, **how)
 
 
-def at(number: int, law: Law):  # type: ignore[no-untyped-def]
+def at(number: int, law: Law) -> Wrench:
     """The law as a torque at the joint."""
     return on(number - 1, 2, law)
 
@@ -81,9 +79,9 @@ def command(number: int, physics: str, parameter: str, value: float, unit: str, 
     return Effect(place=f"input:{name}", physics=physics, parameters=told, rivals=rivals, inputs=faults, onset=onset)
 
 
-def sensor(number: int, physics: str, told: Told, *rivals: tuple[str, str], **fault: float) -> Effect:
+def sensor(number: int, physics: str, told: Told, *rivals: tuple[str, str], **fault: Any) -> Effect:
     name = f"theta_{number}"
-    faults = {name: SensorFault(**fault)}  # type: ignore[arg-type]
+    faults = {name: SensorFault(**fault)}
     return Effect(place=f"sensor:{name}", physics=physics, parameters=told, rivals=rivals, sensors=faults)
 
 
@@ -93,69 +91,76 @@ def unknown(number: int, law: Law) -> Effect:
 
 NOT_SURE = ("undecided",)
 FAULTY = (
-    Case(kind="joint_1_coulomb", effects=lambda v, s: (coulomb(1, 0.055 * s),), motions=("steps", "multisine"), core=True),
-    Case(kind="joint_1_coulomb", effects=lambda v, s: (coulomb(1, 0.015 * s),), strength="weak", motions=("multisine", "trapezoids")),
-    Case(kind="joint_2_coulomb", effects=lambda v, s: (coulomb(2, 0.018 * s),), motions=("trapezoids", "multisine")),
-    Case(kind="joint_1_viscous", effects=lambda v, s: (viscous(1, 0.11 * s),), motions=("multisine", "steps")),
-    Case(kind="joint_2_viscous", effects=lambda v, s: (viscous(2, 0.006 * s),), strength="weak", core=True),
-    Case(kind="joint_1_stribeck", effects=lambda v, s: (stribeck(1, 0.03 * s, 0.06 * s, 0.15),), motions=("trapezoids", "multisine")),
-    Case(kind="joint_2_asymmetric", effects=lambda v, s: (asymmetric(2, 0.035 * s, 0.010 * s),), motions=("multisine", "steps")),
-    Case(kind="joint_2_quadratic_drag", effects=lambda v, s: (drag(2, 0.018 * s),), motions=("multisine", "trapezoids")),
-    Case(kind="tilted_table", effects=lambda v, s: (tilted(0.012 * s),), motions=("trapezoids", "multisine"), core=True),
-    Case(kind="tilted_table", effects=lambda v, s: (tilted(0.004 * s),), strength="weak", motions=("multisine", "steps")),
+    Case(kind="joint_1_coulomb", effects=lambda d: (coulomb(1, 0.055 * d.size),), motions=("steps", "multisine"), core=True),
+    Case(kind="joint_1_coulomb", effects=lambda d: (coulomb(1, 0.015 * d.size),), strength="weak", motions=("multisine", "trapezoids")),
+    Case(kind="joint_2_coulomb", effects=lambda d: (coulomb(2, 0.018 * d.size),), motions=("trapezoids", "multisine")),
+    Case(kind="joint_1_viscous", effects=lambda d: (viscous(1, 0.11 * d.size),), motions=("multisine", "steps")),
+    Case(kind="joint_2_viscous", effects=lambda d: (viscous(2, 0.006 * d.size),), strength="weak", core=True),
+    Case(
+        kind="joint_1_stribeck", effects=lambda d: (stribeck(1, 0.03 * d.size, 0.06 * d.size, 0.15),), motions=("trapezoids", "multisine")
+    ),
+    Case(kind="joint_2_asymmetric", effects=lambda d: (asymmetric(2, 0.035 * d.size, 0.010 * d.size),), motions=("multisine", "steps")),
+    Case(kind="joint_2_quadratic_drag", effects=lambda d: (drag(2, 0.018 * d.size),), motions=("multisine", "trapezoids")),
+    Case(kind="tilted_table", effects=lambda d: (tilted(0.012 * d.size),), motions=("trapezoids", "multisine"), core=True),
+    Case(kind="tilted_table", effects=lambda d: (tilted(0.004 * d.size),), strength="weak", motions=("multisine", "steps")),
     Case(
         kind="added_mass",
-        effects=lambda v, s: (load(0.20 * s, 0.05, 0.12),),
+        effects=lambda d: (load(0.20 * d.size, 0.05, 0.12),),
         also=("undecided", "parameter"),
         motions=("multisine", "steps"),
     ),
-    Case(kind="joint_1_spring", effects=lambda v, s: (spring(1, 0.22 * s),), motions=("trapezoids", "multisine")),
-    Case(kind="joint_2_cubic_spring", effects=lambda v, s: (cubic(2, 0.8 * s),), motions=("multisine", "trapezoids")),
+    Case(kind="joint_1_spring", effects=lambda d: (spring(1, 0.22 * d.size),), motions=("trapezoids", "multisine")),
+    Case(kind="joint_2_cubic_spring", effects=lambda d: (cubic(2, 0.8 * d.size),), motions=("multisine", "trapezoids")),
     Case(
         kind="amplifier_saturation",
-        effects=lambda v, s: (command(1, "input_saturation", "limit", 0.95 / s, "N.m"),),
+        effects=lambda d: (command(1, "input_saturation", "limit", 0.95 / d.size, "N.m"),),
         verdict="input",
         motions=("steps", "multisine"),
     ),
     Case(
         kind="amplifier_dead_zone",
-        effects=lambda v, s: (command(2, "input_dead_zone", "width", 0.018 * s, "N.m"),),
+        effects=lambda d: (command(2, "input_dead_zone", "width", 0.018 * d.size, "N.m"),),
         verdict="input",
         motions=("multisine", "steps"),
     ),
     Case(
-        kind="input_gain:tau_2", effects=lambda v, s: (command(2, "input_gain", "gain", 1 - 0.11 * s, "1"),), verdict="input", also=NOT_SURE
+        kind="input_gain:tau_2",
+        effects=lambda d: (command(2, "input_gain", "gain", 1 - 0.11 * d.size, "1"),),
+        verdict="input",
+        also=NOT_SURE,
     ),
     Case(
         kind="input_lag:tau_1",
-        effects=lambda v, s: (command(1, "input_lag", "tau", 0.010 * s, "s"),),
+        effects=lambda d: (command(1, "input_lag", "tau", 0.010 * d.size, "s"),),
         verdict="input",
         also=(*NOT_SURE, "sensor"),
     ),
     Case(
         kind="encoder_gain:theta_2",
-        effects=lambda v, s: (sensor(2, "sensor_gain", {"gain": (1 + 0.09 * s, "1")}, gain=1 + 0.09 * s),),
+        effects=lambda d: (sensor(2, "sensor_gain", {"gain": (1 + 0.09 * d.size, "1")}, gain=1 + 0.09 * d.size),),
         verdict="sensor",
         also=NOT_SURE,
         motions=("multisine", "trapezoids"),
     ),
     Case(
         kind="encoder_delay:theta_1",
-        effects=lambda v, s: (sensor(1, "sensor_delay", {"delay": (0.035 * s, "s")}, ("sensor:theta_1", "sensor_lag"), delay=0.035 * s),),
+        effects=lambda d: (
+            sensor(1, "sensor_delay", {"delay": (0.035 * d.size, "s")}, ("sensor:theta_1", "sensor_lag"), delay=0.035 * d.size),
+        ),
         verdict="sensor",
         also=NOT_SURE,
     ),
     Case(
         kind="encoder_eccentricity:theta_1",
-        effects=lambda v, s: (
+        effects=lambda d: (
             sensor(
                 1,
                 "eccentricity",
-                {"amplitude": (0.12 * s, "rad")},
+                {"amplitude": (0.12 * d.size, "rad")},
                 ("joint_1", "eccentricity"),
                 ("sensor:theta_1", "sensor_gain"),
                 ("sensor:theta_1", "kinematic_error"),
-                amplitude=0.12 * s,
+                amplitude=0.12 * d.size,
                 phase=0.8,
             ),
         ),
@@ -167,65 +172,56 @@ FAULTY = (
     Case(kind="wrong:P_4", effects=wrong("P_4", 0.85), strength="parameter", verdict="parameter", motions=("multisine", "steps")),
     Case(
         kind="joint_1_coulomb+tilted_table",
-        effects=lambda v, s: (coulomb(1, 0.05 * s), tilted(0.012 * s)),
+        effects=lambda d: (coulomb(1, 0.05 * d.size), tilted(0.012 * d.size)),
         motions=("multisine", "trapezoids"),
     ),
     Case(
         kind="joint_2_viscous+joint_1_spring",
-        effects=lambda v, s: (viscous(2, 0.018 * s), spring(1, 0.2 * s)),
+        effects=lambda d: (viscous(2, 0.018 * d.size), spring(1, 0.2 * d.size)),
         motions=("trapezoids", "steps"),
     ),
-    Case(kind="onset:joint_2_coulomb", effects=lambda v, s: (coulomb(2, 0.024 * s, onset=5.0),), motions=("multisine", "trapezoids")),
+    Case(kind="onset:joint_2_coulomb", effects=lambda d: (coulomb(2, 0.024 * d.size, onset=5.0),), motions=("multisine", "trapezoids")),
     Case(
         kind="onset:input_gain:tau_1",
-        effects=lambda v, s: (command(1, "input_gain", "gain", 1 - 0.14 * s, "1", onset=4.5),),
+        effects=lambda d: (command(1, "input_gain", "gain", 1 - 0.14 * d.size, "1", onset=4.5),),
         verdict="input",
         motions=("steps", "multisine"),
     ),
     Case(
         kind="unknown:whirl_joint_1",
-        effects=lambda v, s: (unknown(1, laws.whirl(0.22 * s, 0.25)),),
+        effects=lambda d: (unknown(1, laws.whirl(0.22 * d.size, 0.25)),),
         verdict="unknown_physics",
         also=NOT_SURE,
         motions=("multisine", "trapezoids"),
     ),
     Case(
         kind="unknown:chirp_joint_2",
-        effects=lambda v, s: (unknown(2, laws.chirp(0.026 * s, 0.8, 0.6)),),
+        effects=lambda d: (unknown(2, laws.chirp(0.026 * d.size, 0.8, 0.6)),),
         verdict="unknown_physics",
         also=NOT_SURE,
     ),
 )
 
 
-class Bench:
+class Rack(RigBench):
     """The arm of the suite."""
 
     plant = "five_bar"
-    base: Mapping[str, float] = {"P_1": 0.108, "P_2": 0.005422, "P_3": 0.01029, "P_4": 0.6059, "P_5": 0.1442, "P_6": 0.0435}
-    known: Mapping[str, float] = {}
-    absent: tuple[str, ...] = ()
+    base: ClassVar[Mapping[str, float]] = {"P_1": 0.108, "P_2": 0.005422, "P_3": 0.01029, "P_4": 0.6059, "P_5": 0.1442, "P_6": 0.0435}
     order = ("P_1", "P_2", "P_3", "P_4", "P_5", "P_6")
     inputs = ("tau_1", "tau_2")
     conditions = CONDITIONS
-    force: Mapping[str, float] = {"joint_1": 0.5, "joint_2": 0.17}
+    force: ClassVar[Mapping[str, float]] = {"joint_1": 0.5, "joint_2": 0.17}
     cases = (*CLEAN, *FAULTY)
 
-    def take(self, true: Values, plain: Values, effects: tuple[Effect, ...], case: Case, motion: str, seed: list[int]) -> Taken:
-        """One recording."""
-        structure = {name: value for e in effects for name, value in e.structure.items()}
-        setting = conditions(case, self.conditions, self.force)
-        time = clock(setting.conditions, np.random.default_rng([*seed, 0]))
-        joints = replace(Joints(arm=with_values(true)), **structure)  # type: ignore[arg-type]
-        control = position(motion, time, setting.conditions.step, case.size, np.random.default_rng([*seed, 1]))
-        trace = operate(joints, control, setting, effects, np.random.default_rng([*seed, 0]))
-        return Taken(
-            time=trace.time,
-            inputs=dict(zip(self.inputs, trace.commands.T, strict=True)),
-            outputs=trace.recorded(joints.outputs, effects),
-            clean=dict(zip(joints.outputs, trace.clean.T, strict=True)),
-            shares=shares(Joints(arm=with_values(plain)), joints, trace),
-        )
+    def machine(self, values: Values, structure: Mapping[str, Any]) -> Machine:
+        """The arm."""
+        return Joints(arm=with_values(values), **structure)
+
+    def control(self, machine: Machine, case: Case, motion: str, time: np.ndarray, step: float, rng: np.random.Generator) -> Control:
+        """The angles of the joints."""
+        del machine
+        return position(motion, time, step, case.size, rng)
 
 
-BENCH = Bench()
+BENCH = Rack()

@@ -1,31 +1,30 @@
 """Concealed cases of the quadrotor."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..generators.concealed.acting import InputFault
 from ..generators.concealed.effects import Effect, laws
 from ..generators.concealed.quadrotor import CONDITIONS, Craft, fly, shares, stick
-from ..generators.concealed.rig import Setting
 from ..generators.concealed.sensing import SensorFault
 from ..generators.quadrotor import Pilot, rotation, with_values
 from ..generators.run import clock
-from .case import Case, Taken, clean, conditions, same, wrong
+from .case import CLEAN, Bench, Case, Taken, Values, conditions, same, wrong
 
 __all__ = ["BENCH"]
 
-Values = Mapping[str, float]
 Told = Mapping[str, tuple[float, str]]
 INPUTS, ROTORS = tuple(f"u_{i}" for i in (1, 2, 3, 4)), tuple(f"rotor_{i}" for i in (1, 2, 3, 4))
 PILOT = Pilot()
 HORIZONTAL = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def body(physics: str, told: Told, *rivals: tuple[str, str], **how: object) -> Effect:
+def body(physics: str, told: Told, *rivals: tuple[str, str], **how: Any) -> Effect:
     """An effect on the body."""
-    return Effect(place="body", physics=physics, parameters=told, rivals=rivals, **how)  # type: ignore[arg-type]
+    return Effect(place="body", physics=physics, parameters=told, rivals=rivals, **how)
 
 
 def drag(d: float) -> Effect:
@@ -84,8 +83,8 @@ def slow_down(tau: float) -> Effect:
     )
 
 
-def sensor(output: str, physics: str, told: Told, *rivals: tuple[str, str], **fault: float) -> Effect:
-    faults = {output: SensorFault(**fault)}  # type: ignore[arg-type]
+def sensor(output: str, physics: str, told: Told, *rivals: tuple[str, str], **fault: Any) -> Effect:
+    faults = {output: SensorFault(**fault)}
     return Effect(place=f"sensor:{output}", physics=physics, parameters=told, rivals=rivals, sensors=faults)
 
 
@@ -96,7 +95,7 @@ def turned(angle: float) -> Effect:
     return Effect(place="sensor:ay", physics="sensor_misalignment", parameters={"angle": (angle, "rad")}, rivals=rivals, sensors=faults)
 
 
-def unknown(axis: int, function, place: str = "body") -> Effect:  # type: ignore[no-untyped-def]
+def unknown(axis: int, function: Callable[[float, np.ndarray, np.ndarray], float], place: str = "body") -> Effect:
     """A force or torque of the body along `axis` (0..5) as a function of t, q and v."""
 
     def acting(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -107,40 +106,40 @@ def unknown(axis: int, function, place: str = "body") -> Effect:  # type: ignore
     return Effect(place=place, physics="unknown_physics", rivals=((place, "external_force"),), force=acting)
 
 
-def chirp(amplitude: float):  # type: ignore[no-untyped-def]
+def chirp(amplitude: float) -> Callable[[float, np.ndarray, np.ndarray], float]:
     law = laws.chirp(amplitude, 0.3, 0.05)
     return lambda t, _q, _v: law(t, 0.0, 0.0)
 
 
 NOT_SURE = ("undecided",)
 FAULTY = (
-    Case(kind="linear_rotor_drag", effects=lambda v, s: (drag(0.9 * s),), motions=("steps", "multisine"), core=True),
-    Case(kind="linear_rotor_drag", effects=lambda v, s: (drag(0.25 * s),), strength="weak", motions=("multisine", "trapezoids")),
-    Case(kind="quadratic_drag", effects=lambda v, s: (quadratic(0.7 * s),), motions=("trapezoids", "multisine")),
+    Case(kind="linear_rotor_drag", effects=lambda d: (drag(0.9 * d.size),), motions=("steps", "multisine"), core=True),
+    Case(kind="linear_rotor_drag", effects=lambda d: (drag(0.25 * d.size),), strength="weak", motions=("multisine", "trapezoids")),
+    Case(kind="quadratic_drag", effects=lambda d: (quadratic(0.7 * d.size),), motions=("trapezoids", "multisine")),
     Case(
         kind="off_centre_mass",
-        effects=lambda v, s: (off_centre(1.0e-3 * s, -0.6e-3 * s),),
+        effects=lambda d: (off_centre(1.0e-3 * d.size, -0.6e-3 * d.size),),
         also=("undecided", "input"),
         motions=("multisine", "steps"),
         core=True,
     ),
     Case(
         kind="input_delay",
-        effects=lambda v, s: (late(0.0127 * s),),
+        effects=lambda d: (late(0.0127 * d.size),),
         verdict="input",
         also=("undecided", "missing_physics", "sensor"),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="asymmetric_lag",
-        effects=lambda v, s: (slow_down(v["rotor.tau"] * (1 + 0.8 * s)),),
+        effects=lambda d: (slow_down(d.values["rotor.tau"] * (1 + 0.8 * d.size)),),
         verdict="input",
         also=("undecided", "missing_physics"),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="weak_rotor",
-        effects=lambda v, s: (weak_rotor(2, 1 - 0.05 * s),),
+        effects=lambda d: (weak_rotor(2, 1 - 0.05 * d.size),),
         verdict="input",
         also=("undecided", "missing_physics"),
         motions=("steps", "multisine"),
@@ -148,7 +147,7 @@ FAULTY = (
     ),
     Case(
         kind="weak_rotor",
-        effects=lambda v, s: (weak_rotor(4, 1 - 0.015 * s),),
+        effects=lambda d: (weak_rotor(4, 1 - 0.015 * d.size),),
         strength="weak",
         verdict="input",
         also=("undecided", "missing_physics"),
@@ -156,26 +155,26 @@ FAULTY = (
     ),
     Case(
         kind="accelerometer_bias",
-        effects=lambda v, s: (sensor("ax", "sensor_bias", {"bias": (0.35 * s, "m/s2")}, ("body", "constant_force"), bias=0.35 * s),),
+        effects=lambda d: (sensor("ax", "sensor_bias", {"bias": (0.35 * d.size, "m/s2")}, ("body", "constant_force"), bias=0.35 * d.size),),
         verdict="sensor",
         also=("undecided", "missing_physics"),
     ),
     Case(
         kind="accelerometer_misalignment",
-        effects=lambda v, s: (turned(0.05 * s),),
+        effects=lambda d: (turned(0.05 * d.size),),
         verdict="sensor",
         also=("undecided", "missing_physics"),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="gyro_bias",
-        effects=lambda v, s: (sensor("q", "sensor_bias", {"bias": (0.05 * s, "rad/s")}, ("body", "constant_force"), bias=0.05 * s),),
+        effects=lambda d: (sensor("q", "sensor_bias", {"bias": (0.05 * d.size, "rad/s")}, ("body", "constant_force"), bias=0.05 * d.size),),
         verdict="sensor",
         also=("undecided", "missing_physics"),
         motions=("steps", "multisine"),
     ),
-    Case(kind="constant_wind", effects=lambda v, s: (wind(1.2 * s),), also=("undecided", "sensor"), motions=("multisine", "trapezoids")),
-    Case(kind="rotor_inertia", effects=lambda v, s: (inertia(2e-5 * s),), motions=("trapezoids", "multisine")),
+    Case(kind="constant_wind", effects=lambda d: (wind(1.2 * d.size),), also=("undecided", "sensor"), motions=("multisine", "trapezoids")),
+    Case(kind="rotor_inertia", effects=lambda d: (inertia(2e-5 * d.size),), motions=("trapezoids", "multisine")),
     Case(kind="wrong:body.Ixx", effects=wrong("body.Ixx", 1.15), strength="parameter", verdict="parameter", motions=("multisine", "steps")),
     Case(
         kind="wrong:rotor.tau",
@@ -186,33 +185,33 @@ FAULTY = (
     ),
     Case(
         kind="drag+weak_rotor",
-        effects=lambda v, s: (drag(0.8 * s), weak_rotor(3, 1 - 0.05 * s)),
+        effects=lambda d: (drag(0.8 * d.size), weak_rotor(3, 1 - 0.05 * d.size)),
         also=("undecided", "input"),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="onset:weak_rotor",
-        effects=lambda v, s: (weak_rotor(1, 1 - 0.06 * s, onset=20.0),),
+        effects=lambda d: (weak_rotor(1, 1 - 0.06 * d.size, onset=20.0),),
         verdict="input",
         also=("undecided", "missing_physics"),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="onset:gust",
-        effects=lambda v, s: (wind(1.6 * s, onset=18.0),),
+        effects=lambda d: (wind(1.6 * d.size, onset=18.0),),
         also=("undecided", "sensor", "unknown_physics"),
         motions=("steps", "multisine"),
     ),
     Case(
         kind="unknown:chirp_pitch",
-        effects=lambda v, s: (unknown(4, chirp(0.003 * s)),),
+        effects=lambda d: (unknown(4, chirp(0.003 * d.size)),),
         verdict="unknown_physics",
         also=NOT_SURE,
         motions=("multisine", "steps"),
     ),
     Case(
         kind="unknown:aerodynamic_roll",
-        effects=lambda v, s: (unknown(3, lambda _t, _q, w: 0.001 * s * w[0] * np.sin(3 * w[1])),),
+        effects=lambda d: (unknown(3, lambda _t, _q, w: 0.001 * d.size * w[0] * np.sin(3 * w[1])),),
         verdict="unknown_physics",
         also=NOT_SURE,
         motions=("steps", "multisine"),
@@ -220,11 +219,11 @@ FAULTY = (
 )
 
 
-class Bench:
+class Rack(Bench):
     """The quadrotor of the suite."""
 
     plant = "quadrotor"
-    base: Mapping[str, float] = {
+    base: ClassVar[Mapping[str, float]] = {
         "body.Ixx": 0.016,
         "body.Iyy": 0.017,
         "body.Izz": 0.029,
@@ -235,15 +234,14 @@ class Bench:
         "rotor.tau": 0.055,
         "rotor.gain": 3.1,
     }
-    known: Mapping[str, float] = {"body.m": 1.5, "rotor.torque_ratio": 0.018, "arm": 0.3}
-    absent: tuple[str, ...] = ()
+    known: ClassVar[Mapping[str, float]] = {"body.m": 1.5, "rotor.torque_ratio": 0.018, "arm": 0.3}
     order = (
         "body.m", "body.Ixx", "body.Iyy", "body.Izz", "body.drag_w", "body.drag_p", "body.drag_q", "body.drag_r",
         "rotor.tau", "rotor.gain", "rotor.torque_ratio", "arm",
     )  # fmt: skip
     inputs = INPUTS
     conditions = CONDITIONS
-    force: Mapping[str, float] = {
+    force: ClassVar[Mapping[str, float]] = {
         "body.f_x": 4.0,
         "body.f_y": 4.0,
         "body.f_z": 14.7,
@@ -251,14 +249,14 @@ class Bench:
         "body.tau_y": 0.05,
         "body.tau_z": 0.02,
     }
-    cases = (*clean(motions=("trapezoids", "steps")), *FAULTY)
+    cases = (*CLEAN, *FAULTY)
 
     def take(self, true: Values, plain: Values, effects: tuple[Effect, ...], case: Case, motion: str, seed: list[int]) -> Taken:
         """One recording."""
         structure = {name: value for e in effects for name, value in e.structure.items()}
-        setting: Setting = conditions(case, self.conditions, self.force)
+        setting = conditions(case, self.conditions, self.force)
         time = clock(setting.conditions, np.random.default_rng([*seed, 0]))
-        craft = replace(Craft(craft=with_values(true)), **structure)  # type: ignore[arg-type]
+        craft = replace(Craft(craft=with_values(true)), **structure)
         moves = stick(motion, time, case.size, PILOT, np.random.default_rng([*seed, 1]))
         trace = fly(craft, PILOT, moves, setting, effects, np.random.default_rng([*seed, 0]))
         return Taken(
@@ -275,4 +273,4 @@ class Bench:
         return {name: float(off[i]) for names in (ROTORS, [f"input:{u}" for u in INPUTS]) for i, name in enumerate(names)}
 
 
-BENCH = Bench()
+BENCH = Rack()

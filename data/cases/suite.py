@@ -12,7 +12,7 @@ import numpy as np
 from ..generators.concealed.effects import Effect, family
 from ..generators.concealed.rig import sensor_faults
 from . import actuator, drillstring, five_bar, quadrotor, xy_table
-from .case import Bench, Case, Taken
+from .case import Bench, Case, Drawn, Taken, conditions
 
 __all__ = ["FLOOR", "Made", "benches", "make_case", "numbered", "suite"]
 
@@ -49,7 +49,7 @@ def make_case(number: int, folder: Path, truth: Path, seed: int = 1) -> Made:
         raise ValueError(f"truth {truth}: it lies among the cases in {folder}; name another folder")
     rng = np.random.default_rng([seed, number, 0])
     values, size = _machine(bench, case, rng), float(rng.uniform(0.9, 1.1))
-    effects = case.effects(values, size)
+    effects = case.effects(Drawn(values=values, size=size))
     true = {**values, **{name: value for e in effects for name, value in e.values.items()}}
     plain = {name: 0.0 if any(name in e.absent for e in effects) else value for name, value in values.items()}
     taken = [bench.take(true, plain, effects, case, motion, [seed, number, 1 + i]) for i, motion in enumerate(case.motions)]
@@ -79,7 +79,7 @@ def _parameters(
     bench: Bench, values: Mapping[str, float], effects: tuple[Effect, ...], rng: np.random.Generator
 ) -> tuple[dict[str, float], list[str]]:
     """Guesses, and the lines of the study."""
-    fixed = {name: 0.0 for name in (*bench.absent, *(name for e in effects for name in e.absent))}
+    fixed = dict.fromkeys((*bench.absent, *(name for e in effects for name in e.absent)), 0.0)
     fixed |= dict(bench.known) | {name: value for e in effects for name, value in e.fixed.items()}
     guesses, lines = {}, []
     for name in bench.order:
@@ -94,11 +94,8 @@ def _parameters(
 
 def _errors(bench: Bench, case: Case) -> dict[str, float]:
     """Output -> standard deviation of its error, noise and rounding together."""
-    rounding = 2.0 if case.quantised else 0.0
-    return {
-        o: float(f"{np.hypot(case.noise * std, float(f'{rounding * case.noise * std:.1g}') / 12**0.5):.3g}")
-        for o, std in bench.conditions.noise.items()
-    }
+    setting = conditions(case, bench.conditions, bench.force).conditions
+    return {o: float(f"{np.hypot(std, setting.resolution.get(o, 0.0) / 12**0.5):.3g}") for o, std in setting.noise.items()}
 
 
 def _study(bench: Bench, case: Case, lines: list[str]) -> str:
@@ -116,7 +113,7 @@ def _study(bench: Bench, case: Case, lines: list[str]) -> str:
 def _table(recording: Taken, errors: Mapping[str, float]) -> bytes:
     """A gzipped csv that carries neither a name nor a date; readings to a fiftieth of their error."""
     names = ["t_s", *(f"cmd_{u}" for u in recording.inputs), *(f"meas_{y}" for y in recording.outputs)]
-    columns = [[f"{t:.9g}" for t in recording.time]]
+    columns = [[f"{t:.10g}" for t in recording.time]]
     columns += [[f"{u + 0.0:.9g}" for u in column] for column in recording.inputs.values()]
     for y, column in recording.outputs.items():
         digits = int(np.ceil(-np.log10(errors[y] / 50)))
@@ -173,8 +170,9 @@ def _told(effect: Effect) -> dict[str, object]:
 def strength(bench: Bench, case: Case, effects: tuple[Effect, ...], taken: Taken) -> tuple[float, float]:
     """Of the first recording: the largest share of an effect, and the largest error of a sensor over its noise.
 
-    Share of a force: at the effect's place, or wherever it shows most where that is no place of a force; of a sensor's error: rms of it over
-    that of the greatest motion that sensors of the same noise see. A wrong parameter has none; what coloured forces there are in clean recordings does not count.
+    Share of a force: at the effect's place, or wherever it shows most where that is no place of a force; of a sensor's error: its rms over
+    that of the greatest motion that sensors of the same noise see. A wrong parameter has none, and what coloured forces there are in
+    clean recordings does not count.
     """
     if case.strength not in ("strong", "weak"):
         return 0.0, 0.0

@@ -1,26 +1,24 @@
 """Concealed cases of the gantry table."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..generators.concealed.acting import InputFault
-from ..generators.concealed.effects import Coulomb, Effect, Law, laws
-from ..generators.concealed.rig import operate, shares
+from ..generators.concealed.effects import Coulomb, Effect, Law, Wrench, laws
+from ..generators.concealed.rig import Control, Machine
 from ..generators.concealed.sensing import SensorFault
 from ..generators.concealed.xy_table import CONDITIONS, Gantry, position
-from ..generators.run import clock
 from ..generators.xy_table import Table, with_values
-from .case import CLEAN, Case, Taken, conditions, same, wrong
+from .case import CLEAN, Case, RigBench, Values, same, wrong
 
 __all__ = ["BENCH"]
 
-Values = Mapping[str, float]
 R = Table().r
 
 
-def wheel(i: int, law: Law):  # type: ignore[no-untyped-def]
+def wheel(i: int, law: Law) -> Wrench:
     """The law of an angle and an angular velocity, as a torque on wheel i; for as many coordinates as there are."""
 
     def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -31,10 +29,10 @@ def wheel(i: int, law: Law):  # type: ignore[no-untyped-def]
     return force
 
 
-def drive(number: int, physics: str, told: Mapping[str, tuple[float, str]], *rivals: tuple[str, str], **how: object) -> Effect:
+def drive(number: int, physics: str, told: Mapping[str, tuple[float, str]], *rivals: tuple[str, str], **how: Any) -> Effect:
     """An effect at a wheel."""
     others = (*same(physics, f"friction_{number}"), *rivals)
-    return Effect(place=f"drive_{number}", physics=physics, parameters=told, rivals=others, **how)  # type: ignore[arg-type]
+    return Effect(place=f"drive_{number}", physics=physics, parameters=told, rivals=others, **how)
 
 
 def coulomb(number: int, tau: float) -> Effect:
@@ -70,8 +68,8 @@ def eccentric(e: float) -> Effect:
     return Effect(place="drive_1", physics="kinematic_error", parameters={"amplitude": (e, "m")}, rivals=rivals, structure={"e": e})
 
 
-def spindle(physics: str, told: Mapping[str, tuple[float, str]], **how: object) -> Effect:
-    return Effect(place="spindle", physics=physics, parameters=told, **how)  # type: ignore[arg-type]
+def spindle(physics: str, told: Mapping[str, tuple[float, str]], **how: Any) -> Effect:
+    return Effect(place="spindle", physics=physics, parameters=told, **how)
 
 
 def inertia(J: float) -> Effect:
@@ -79,13 +77,13 @@ def inertia(J: float) -> Effect:
     return Effect(place="drive_2", physics="added_mass", rivals=rivals, values={"drive_2.J": J}, absent=("drive_2.J",))
 
 
-def sensor(output: str, physics: str, told: Mapping[str, tuple[float, str]], *rivals: tuple[str, str], **fault: float) -> Effect:
+def sensor(output: str, physics: str, told: Mapping[str, tuple[float, str]], *rivals: tuple[str, str], **fault: Any) -> Effect:
     return Effect(
         place=f"sensor:{output}",
         physics=physics,
         parameters=told,
         rivals=rivals,
-        sensors={output: SensorFault(**fault)},  # type: ignore[arg-type]
+        sensors={output: SensorFault(**fault)},
     )
 
 
@@ -121,74 +119,86 @@ def gain(output: str, value: float) -> Effect:
 
 NOT_SURE = ("undecided",)
 FAULTY = (
-    Case(kind="coulomb_drive_2", effects=lambda v, s: (coulomb(2, 0.030 * s),), core=True),
-    Case(kind="coulomb_drive_2", effects=lambda v, s: (coulomb(2, 0.007 * s),), strength="weak", motions=("multisine", "steps")),
-    Case(kind="viscous_drive_2", effects=lambda v, s: (viscous(2, 1.2e-3 * s),), motions=("multisine", "trapezoids")),
-    Case(kind="viscous_drive_1", effects=lambda v, s: (viscous(1, 2e-3 * s),), strength="weak"),
-    Case(kind="eccentric_wheel", effects=lambda v, s: (eccentric(2.5e-3 * s),), motions=("trapezoids", "multisine")),
-    Case(kind="slide_belt_elasticity", effects=lambda v, s: (belt(1, 40e3 / s),), motions=("steps", "trapezoids")),
-    Case(kind="tool_belt_elasticity", effects=lambda v, s: (belt(3, 30e3 / s),), motions=("trapezoids", "multisine")),
-    Case(kind="asymmetric_y_friction", effects=lambda v, s: (asymmetric(3, 2.4e-3 * s, 0.8e-3 * s),), motions=("multisine", "chirp")),
-    Case(kind="asymmetric_y_friction", effects=lambda v, s: (asymmetric(3, 5e-4 * s, 1e-4 * s),), strength="weak"),
+    Case(kind="coulomb_drive_2", effects=lambda d: (coulomb(2, 0.030 * d.size),), core=True),
+    Case(kind="coulomb_drive_2", effects=lambda d: (coulomb(2, 0.007 * d.size),), strength="weak", motions=("multisine", "steps")),
+    Case(kind="viscous_drive_2", effects=lambda d: (viscous(2, 1.2e-3 * d.size),), motions=("multisine", "trapezoids")),
+    Case(kind="viscous_drive_1", effects=lambda d: (viscous(1, 2e-3 * d.size),), strength="weak"),
+    Case(kind="eccentric_wheel", effects=lambda d: (eccentric(2.5e-3 * d.size),), motions=("trapezoids", "multisine")),
+    Case(kind="slide_belt_elasticity", effects=lambda d: (belt(1, 40e3 / d.size),), motions=("steps", "trapezoids")),
+    Case(kind="tool_belt_elasticity", effects=lambda d: (belt(3, 30e3 / d.size),), motions=("trapezoids", "multisine")),
+    Case(
+        kind="asymmetric_y_friction", effects=lambda d: (asymmetric(3, 2.4e-3 * d.size, 0.8e-3 * d.size),), motions=("multisine", "chirp")
+    ),
+    Case(kind="asymmetric_y_friction", effects=lambda d: (asymmetric(3, 5e-4 * d.size, 1e-4 * d.size),), strength="weak"),
     Case(
         kind="spindle_damping",
-        effects=lambda v, s: (
-            spindle("damping", {"d": (4e-3 * s, "N.m.s/rad")}, rivals=same("viscous_friction", "spindle"), values={"spindle.d": 4e-3 * s}),
+        effects=lambda d: (
+            spindle(
+                "damping",
+                {"d": (4e-3 * d.size, "N.m.s/rad")},
+                rivals=same("viscous_friction", "spindle"),
+                values={"spindle.d": 4e-3 * d.size},
+            ),
         ),
         motions=("multisine", "steps"),
         core=True,
     ),
     Case(
         kind="cubic_spindle",
-        effects=lambda v, s: (spindle("cubic_spring", {"k3": (0.05 * s, "N.m/rad3")}, structure={"k_3": 0.05 * s}),),
+        effects=lambda d: (spindle("cubic_spring", {"k3": (0.05 * d.size, "N.m/rad3")}, structure={"k_3": 0.05 * d.size}),),
         motions=("trapezoids", "multisine"),
     ),
-    Case(kind="inertia_drive_2", effects=lambda v, s: (inertia(2e-4 * s),), also=("parameter",), motions=("steps", "multisine")),
-    Case(kind="stribeck_y", effects=lambda v, s: (stribeck(v, 3, 0.06 * s, 4.0),), motions=("multisine", "steps")),
-    Case(kind="sensor_gain:x_r", effects=lambda v, s: (gain("x_r", 1 + 0.08 * s),), verdict="sensor", core=True),
-    Case(kind="sensor_gain:x_r", effects=lambda v, s: (gain("x_r", 1 + 0.025 * s),), verdict="sensor", strength="weak"),
+    Case(kind="inertia_drive_2", effects=lambda d: (inertia(2e-4 * d.size),), also=("parameter",), motions=("steps", "multisine")),
+    Case(kind="stribeck_y", effects=lambda d: (stribeck(d.values, 3, 0.06 * d.size, 4.0),), motions=("multisine", "steps")),
+    Case(kind="sensor_gain:x_r", effects=lambda d: (gain("x_r", 1 + 0.08 * d.size),), verdict="sensor", core=True),
+    Case(kind="sensor_gain:x_r", effects=lambda d: (gain("x_r", 1 + 0.025 * d.size),), verdict="sensor", strength="weak"),
+    Case(kind="sensor_gain:x_m", effects=lambda d: (gain("x_m", 1 - 0.06 * d.size),), verdict="sensor", motions=("multisine", "steps")),
     Case(
         kind="sensor_bias:ax_r",
-        effects=lambda v, s: (sensor("ax_r", "sensor_bias", {"bias": (0.4 * s, "m/s2")}, bias=0.4 * s),),
+        effects=lambda d: (sensor("ax_r", "sensor_bias", {"bias": (0.4 * d.size, "m/s2")}, bias=0.4 * d.size),),
         verdict="sensor",
         motions=("multisine", "trapezoids"),
     ),
     Case(
         kind="sensor_delay:x_r",
-        effects=lambda v, s: (sensor("x_r", "sensor_delay", {"delay": (0.0163 * s, "s")}, ("sensor:x_r", "sensor_lag"), delay=0.0163 * s),),
+        effects=lambda d: (
+            sensor("x_r", "sensor_delay", {"delay": (0.0163 * d.size, "s")}, ("sensor:x_r", "sensor_lag"), delay=0.0163 * d.size),
+        ),
         verdict="sensor",
     ),
     Case(
         kind="sensor_lag:ay_r",
-        effects=lambda v, s: (sensor("ay_r", "sensor_lag", {"tau": (0.004 * s, "s")}, ("sensor:ay_r", "sensor_delay"), tau=0.004 * s),),
+        effects=lambda d: (
+            sensor("ay_r", "sensor_lag", {"tau": (0.004 * d.size, "s")}, ("sensor:ay_r", "sensor_delay"), tau=0.004 * d.size),
+        ),
         verdict="sensor",
         motions=("multisine", "steps"),
     ),
     Case(
         kind="sensor_drift:y_r",
-        effects=lambda v, s: (
-            sensor("y_r", "sensor_drift", {"rate": (2.5e-4 * s, "m/s")}, ("sensor:y_m", "sensor_drift"), rate=2.5e-4 * s),
+        effects=lambda d: (
+            sensor("y_r", "sensor_drift", {"rate": (2.5e-4 * d.size, "m/s")}, ("sensor:y_m", "sensor_drift"), rate=2.5e-4 * d.size),
         ),
         verdict="sensor",
         strength="weak",
     ),
-    Case(kind="sensor_misalignment", effects=lambda v, s: (turned(0.08 * s),), verdict="sensor", motions=("multisine", "trapezoids")),
+    Case(kind="sensor_misalignment", effects=lambda d: (turned(0.08 * d.size),), verdict="sensor", motions=("multisine", "trapezoids")),
     Case(
         kind="torque_ripple:I_x",
-        effects=lambda v, s: (ripple(0.11 * s, 2 * np.pi / 7),),
+        effects=lambda d: (ripple(0.11 * d.size, 2 * np.pi / 7),),
         verdict="input",
         also=("missing_physics", "undecided"),
     ),
-    Case(kind="input_dead_zone:I_y", effects=lambda v, s: (command("I_y", "input_dead_zone", "width", 0.3 * s, "A"),), verdict="input"),
+    Case(kind="input_dead_zone:I_y", effects=lambda d: (command("I_y", "input_dead_zone", "width", 0.3 * d.size, "A"),), verdict="input"),
     Case(
         kind="input_saturation:I_x",
-        effects=lambda v, s: (command("I_x", "input_saturation", "limit", 5.0 / s, "A"),),
+        effects=lambda d: (command("I_x", "input_saturation", "limit", 5.0 / d.size, "A"),),
         verdict="input",
         motions=("multisine", "trapezoids"),
     ),
     Case(
         kind="input_delay:I_x",
-        effects=lambda v, s: (command("I_x", "input_delay", "delay", 0.0027 * s, "s"),),
+        effects=lambda d: (command("I_x", "input_delay", "delay", 0.0027 * d.size, "s"),),
         verdict="input",
         also=NOT_SURE,
         motions=("trapezoids", "chirp"),
@@ -200,50 +210,50 @@ FAULTY = (
     Case(kind="wrong:friction_3.tau_c", effects=wrong("friction_3.tau_c", 0.85), strength="parameter", verdict="parameter"),
     Case(
         kind="coulomb_drive_2+sensor_gain:x_r",
-        effects=lambda v, s: (coulomb(2, 0.025 * s), gain("x_r", 1 + 0.06 * s)),
+        effects=lambda d: (coulomb(2, 0.025 * d.size), gain("x_r", 1 + 0.06 * d.size)),
         also=("sensor",),
         motions=("multisine", "steps"),
     ),
     Case(
         kind="asymmetric_y+spindle_damping",
-        effects=lambda v, s: (
-            asymmetric(3, 2.4e-3 * s, 0.8e-3 * s),
-            spindle("damping", {"d": (3e-3 * s, "N.m.s/rad")}, values={"spindle.d": 3e-3 * s}),
+        effects=lambda d: (
+            asymmetric(3, 2.4e-3 * d.size, 0.8e-3 * d.size),
+            spindle("damping", {"d": (3e-3 * d.size, "N.m.s/rad")}, values={"spindle.d": 3e-3 * d.size}),
         ),
     ),
     Case(
         kind="onset:coulomb_drive_2",
-        effects=lambda v, s: (
-            drive(2, "coulomb_friction", {"tau_c": (0.04 * s, "N.m")}, friction=(Coulomb(i=1, level=0.04 * s / R),), onset=4.0),
+        effects=lambda d: (
+            drive(2, "coulomb_friction", {"tau_c": (0.04 * d.size, "N.m")}, friction=(Coulomb(i=1, level=0.04 * d.size / R),), onset=4.0),
         ),
     ),
     Case(
         kind="onset:input_gain:I_y",
-        effects=lambda v, s: (command("I_y", "input_gain", "gain", 1 - 0.12 * s, "1", onset=4.4),),
+        effects=lambda d: (command("I_y", "input_gain", "gain", 1 - 0.12 * d.size, "1", onset=4.4),),
         verdict="input",
         motions=("multisine", "steps"),
     ),
     Case(
         kind="unknown:whirl_drive_2",
-        effects=lambda v, s: (unknown(2, laws.whirl(2e-3 * s, 1.5)),),
+        effects=lambda d: (unknown(2, laws.whirl(2e-3 * d.size, 1.5)),),
         verdict="unknown_physics",
         also=NOT_SURE,
         motions=("multisine", "trapezoids"),
     ),
     Case(
         kind="unknown:chirp_drive_3",
-        effects=lambda v, s: (unknown(3, laws.chirp(0.02 * s, 2.0, 1.2)),),
+        effects=lambda d: (unknown(3, laws.chirp(0.02 * d.size, 2.0, 1.2)),),
         verdict="unknown_physics",
         also=NOT_SURE,
     ),
 )
 
 
-class Bench:
+class Rack(RigBench):
     """The gantry of the suite."""
 
     plant = "xy_table"
-    base: Mapping[str, float] = {
+    base: ClassVar[Mapping[str, float]] = {
         "spindle.k": 0.42,
         "drive_1.J": 2.1e-3,
         "drive_3.J": 2.2e-4,
@@ -253,31 +263,23 @@ class Bench:
         "drive_2.J": 0.0,
         "friction_2.tau_c": 0.0,
     }
-    known: Mapping[str, float] = {}
     absent = ("spindle.d", "drive_2.J", "friction_2.tau_c")
     order = (
         "spindle.k", "spindle.d", "drive_1.J", "drive_2.J", "drive_3.J", "friction_1.tau_c", "friction_2.tau_c", "friction_3.tau_c"
     )  # fmt: skip
     inputs = ("I_x", "I_y")
     conditions = CONDITIONS
-    force: Mapping[str, float] = {"drive_1": 80.0, "drive_2": 24.0, "drive_3": 15.0}  # N
+    force: ClassVar[Mapping[str, float]] = {"drive_1": 80.0, "drive_2": 24.0, "drive_3": 15.0}  # N
     cases = (*CLEAN, *FAULTY)
 
-    def take(self, true: Values, plain: Values, effects: tuple[Effect, ...], case: Case, motion: str, seed: list[int]) -> Taken:
-        """One recording."""
-        structure = {name: value for e in effects for name, value in e.structure.items()}
-        setting = conditions(case, self.conditions, self.force)
-        time = clock(setting.conditions, np.random.default_rng([*seed, 0]))
-        gantry = replace(Gantry(table=with_values(true)), **structure)  # type: ignore[arg-type]
-        control = position(motion, time, setting.conditions.step, case.size, np.random.default_rng([*seed, 1]))
-        trace = operate(gantry, control, setting, effects, np.random.default_rng([*seed, 0]))
-        return Taken(
-            time=trace.time,
-            inputs=dict(zip(self.inputs, trace.commands.T, strict=True)),
-            outputs=trace.recorded(gantry.outputs, effects),
-            clean=dict(zip(gantry.outputs, trace.clean.T, strict=True)),
-            shares=shares(Gantry(table=with_values(plain)), gantry, trace),
-        )
+    def machine(self, values: Values, structure: Mapping[str, Any]) -> Machine:
+        """The gantry."""
+        return Gantry(table=with_values(values), **structure)
+
+    def control(self, machine: Machine, case: Case, motion: str, time: np.ndarray, step: float, rng: np.random.Generator) -> Control:
+        """The positions of the motors."""
+        del machine
+        return position(motion, time, step, case.size, rng)
 
 
-BENCH = Bench()
+BENCH = Rack()

@@ -6,6 +6,7 @@ of rows cuts a row in two.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from math import exp
 
 import numpy as np
@@ -51,7 +52,7 @@ class Actuation:
             return [(t, end, lambda _: u)]
         cuts = {cut for fault in self.faults.values() if fault.delay > 0 for cut in self._changes(t, end, fault.delay)}
         corners = [t, *sorted(cuts), end]
-        return [self._piece(a, b, t) for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        return [self._piece(a, b, t) for a, b in pairwise(corners)]
 
     def _changes(self, t: float, end: float, delay: float) -> list[float]:
         """When, inside the row, earlier commands arrive."""

@@ -9,6 +9,7 @@ The encoder sits on the motor or on the carriage.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..run import Conditions
 from ..servo import Servo, Tracking
 from ..stick_slip import Friction
 from .motions import reference
+from .rig import Machine
 
 __all__ = ["CONDITIONS", "Axis", "Position", "position"]
 
@@ -24,7 +26,7 @@ REBOUND = 20.0  # s/m, e: how much of the energy a contact takes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class Axis(Machine):
     """m [kg], d [N s/m], f_c, f_0 [N]; screw k [N/m] (inf: rigid), d_s [N s/m], gap [m], m_m [kg]; sigma_0 [N/m] (inf: sticking)."""
 
     m: float
@@ -38,9 +40,9 @@ class Axis:
     encoder: str = "motor"
     sigma_0: float = np.inf
 
-    places = ("carriage",)
-    inputs = ("F",)
-    outputs = ("x",)
+    places: ClassVar[tuple[str, ...]] = ("carriage",)
+    inputs: ClassVar[tuple[str, ...]] = ("F",)
+    outputs: ClassVar[tuple[str, ...]] = ("x",)
 
     @property
     def elastic(self) -> bool:
@@ -67,7 +69,7 @@ class Axis:
         level[int(self.elastic)] = 0.0 if self.bristles else self.f_c
         return Friction(sliding=level, breakaway=level)
 
-    def equations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def equations(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M and f; the last velocity is z where there are bristles."""
         own = int(self.elastic)
         M, f = np.eye(q.size), np.zeros(q.size)
@@ -95,18 +97,14 @@ class Axis:
         out[0] = u[0]
         return out
 
-    def read(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    def read(self, q: np.ndarray, _v: np.ndarray, _a: np.ndarray, /) -> np.ndarray:
         """The encoder."""
-        return q[int(self.elastic and self.encoder == "carriage")][None]
+        return self.plain(q)
 
     def plain(self, motion: np.ndarray) -> np.ndarray:
         """What the encoder moves with."""
         seen = int(self.elastic and self.encoder == "carriage")
         return motion[seen : seen + 1]
-
-    def load(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The motor's force."""
-        return u
 
 
 class Position:

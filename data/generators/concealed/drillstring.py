@@ -1,4 +1,4 @@
-"""The drillstring of `../drillstring.py` in the coordinates of Lagrange, so that friction may stick anywhere and the string have two sections.
+"""The drillstring of `../drillstring.py` in coordinates in which friction may stick anywhere and the string have two sections.
 
 L I' = V - R I - n K Omega_r                             I is the velocity of a charge, with the mass L
 J_c Omega_r' = n K I - B_r Omega_r - s_1 - friction      s = k dphi + d dphi' of a section
@@ -7,6 +7,7 @@ J_b Omega_b' = s - B_b Omega_b - friction of the bit
 """
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..drillstring import Drillstring, SpeedLoop
 from ..run import Conditions
 from ..stick_slip import Friction
 from .motions import reference
+from .rig import Machine
 
 __all__ = ["CONDITIONS", "Rig", "Speed", "speed"]
 
@@ -21,8 +23,8 @@ CONDITIONS = Conditions(duration=40.0, step=1 / 150, noise={"I_m": 5e-3, "Omega_
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rig:
-    """The drillstring; d [N m s/rad] of the string, tau_r [N m] Coulomb friction of the table; k_1 [N m/rad] (0: one section), J_s [kg m2]."""
+class Rig(Machine):
+    """The drillstring; d [N m s/rad] of the string, tau_r [N m] friction of the table; k_1 [N m/rad] (0: one section), J_s [kg m2]."""
 
     string: Drillstring = field(default_factory=Drillstring)
     d: float = 0.0
@@ -30,10 +32,14 @@ class Rig:
     k_1: float = 0.0
     J_s: float = 0.01
 
-    places = ("motor", "rotary_table", "bha")
-    inputs = ("V",)
-    outputs = ("I_m", "Omega_r")
-    substeps = 3  # L/R is 5 ms
+    places: ClassVar[tuple[str, ...]] = ("motor", "rotary_table", "bha")
+    inputs: ClassVar[tuple[str, ...]] = ("V",)
+    outputs: ClassVar[tuple[str, ...]] = ("I_m", "Omega_r")
+
+    @property
+    def substeps(self) -> int:
+        """L/R is 5 ms."""
+        return 3
 
     @property
     def start(self) -> np.ndarray:
@@ -48,7 +54,7 @@ class Rig:
             sliding=np.array([0.0, self.tau_r, self.string.tau_sl, *rest]), breakaway=np.array([0.0, self.tau_r, self.string.tau_st, *rest])
         )
 
-    def equations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def equations(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M and f."""
         s, K = self.string, self.string.n * self.string.Km
         below = s.k * ((q[3] if self.k_1 else q[1]) - q[2]) + self.d * ((v[3] if self.k_1 else v[1]) - v[2])
@@ -61,13 +67,9 @@ class Rig:
         """The voltage."""
         return np.array([u[0], 0.0, 0.0] + [0.0] * (self.k_1 > 0))
 
-    def read(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    def read(self, _q: np.ndarray, v: np.ndarray, _a: np.ndarray, /) -> np.ndarray:
         """Current and speed of the table."""
         return v[:2]
-
-    def plain(self, motion: np.ndarray) -> np.ndarray:
-        """Without what is between the sections."""
-        return motion[:3]
 
     def load(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Voltage, torque of the motor, torque of the string."""

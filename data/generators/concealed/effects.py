@@ -6,13 +6,14 @@ A law is a force against the motion of one coordinate, f(t, q, v) with q and v o
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import tau
+from typing import Any
 
 import numpy as np
 
 from .acting import InputFault
 from .sensing import SensorFault
 
-__all__ = ["FAMILY", "Coulomb", "Effect", "Law", "family", "laws", "on"]
+__all__ = ["FAMILY", "Coulomb", "Effect", "Law", "Wrench", "family", "laws", "on"]
 
 Law = Callable[[float, float, float], float]
 Wrench = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
@@ -69,7 +70,7 @@ class Effect:
     force: Wrench | None = None
     friction: tuple[Coulomb, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
-    structure: Mapping[str, object] = field(default_factory=dict)
+    structure: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, InputFault] = field(default_factory=dict)
     sensors: Mapping[str, SensorFault] = field(default_factory=dict)
     absent: tuple[str, ...] = ()

@@ -5,6 +5,7 @@ a mass there adds  P'P m  to M and  -P'(m g) + P' m g_0 sin(tilt) (cos, sin)(dir
 """
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..servo import Servo
 from ..stick_slip import Friction
 from .actuator import Position
 from .motions import reference
+from .rig import Machine
 
 __all__ = ["CONDITIONS", "LINKS", "Joints", "position"]
 
@@ -24,7 +26,7 @@ G = 9.81
 
 
 @dataclass(frozen=True, kw_only=True)
-class Joints:
+class Joints(Machine):
     """The arm; tau_c [N m] of both joints, tilt and direction of the steepest descent [rad], added mass [kg] at (x, y) [m] of `link`."""
 
     arm: Arm = field(default_factory=Arm)
@@ -37,10 +39,9 @@ class Joints:
     x: float = 0.0
     y: float = 0.0
 
-    places = ("joint_1", "joint_2")
-    inputs = ("tau_1", "tau_2")
-    outputs = ("theta_1", "theta_2")
-    substeps = 1
+    places: ClassVar[tuple[str, ...]] = ("joint_1", "joint_2")
+    inputs: ClassVar[tuple[str, ...]] = ("tau_1", "tau_2")
+    outputs: ClassVar[tuple[str, ...]] = ("theta_1", "theta_2")
 
     @property
     def start(self) -> np.ndarray:
@@ -53,7 +54,7 @@ class Joints:
         level = np.array([self.tau_1, self.tau_2])
         return Friction(sliding=level, breakaway=level)
 
-    def equations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def equations(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M and f."""
         M, h = self.arm.equations(q, v)
         f = -h
@@ -86,17 +87,9 @@ class Joints:
         """The torques."""
         return u
 
-    def read(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    def read(self, q: np.ndarray, _v: np.ndarray, _a: np.ndarray, /) -> np.ndarray:
         """The angles."""
         return q
-
-    def plain(self, motion: np.ndarray) -> np.ndarray:
-        """Both angles."""
-        return motion
-
-    def load(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The torques."""
-        return u
 
 
 def position(kind: str, time: np.ndarray, step: float, size: float, rng: np.random.Generator) -> Position:

@@ -9,14 +9,15 @@ The accelerometer sits at the frame's centre and reads F/m + omega' x (-c) + ome
 """
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from ..quadrotor import SIDE, SPIN, G, Pilot, Quadrotor, angles, rotation
 from ..run import Conditions, Sensors, clock
-from ..runge_kutta import advance
+from ..runge_kutta import Rates, advance
 from .acting import Actuation
-from .effects import Effect
+from .effects import Effect, Wrench
 from .motions import reference
 from .rig import Setting, Trace, disturbance, input_faults
 
@@ -37,9 +38,9 @@ class Craft:
     tau_down: float = 0.0
     J_r: float = 0.0
 
-    places = ("body.f_x", "body.f_y", "body.f_z", "body.tau_x", "body.tau_y", "body.tau_z")
-    inputs = ("u_1", "u_2", "u_3", "u_4")
-    outputs = ("ax", "ay", "az", "p", "q", "r")
+    places: ClassVar[tuple[str, ...]] = ("body.f_x", "body.f_y", "body.f_z", "body.tau_x", "body.tau_y", "body.tau_z")
+    inputs: ClassVar[tuple[str, ...]] = ("u_1", "u_2", "u_3", "u_4")
+    outputs: ClassVar[tuple[str, ...]] = ("ax", "ay", "az", "p", "q", "r")
 
     @property
     def J(self) -> np.ndarray:
@@ -89,31 +90,38 @@ def fly(craft: Craft, pilot: Pilot, moves: np.ndarray, setting: Setting, effects
         end = time[k + 1] if k + 1 < rows else time[k] + setting.conditions.step
         for piece, (t, until, u) in enumerate(actuation.pieces(time[k], end, commands[k])):
             # A lagging command is held over each piece at its value in the middle; without a lag it is held anyway.
-            now, start = u((t + until) / 2), n
-
-            def rates(s: float, y: np.ndarray, t: float = t, now: np.ndarray = now, start: np.ndarray = start, k: int = k) -> np.ndarray:
-                F, M = _total(craft, *craft.spun(start, now, s - t), s, y, held[k], acting)
-                dv = rotation(y[3:7]) @ F / base.m
-                dv[2] += G
-                Q, omega = y[3:7], y[10:]
-                turn = np.concatenate([[-Q[1:] @ omega], Q[0] * omega + np.cross(Q[1:], omega)]) / 2
-                return np.concatenate([y[7:10], turn, dv, (M - np.cross(omega, craft.J * omega)) / craft.J])
-
+            now = u((t + until) / 2)
             if piece == 0:
                 F, M = _total(craft, *craft.spun(n, now, 0.0), t, y, held[k], acting)
                 alpha = (M - np.cross(omega, craft.J * omega)) / craft.J
                 qs[k], vs[k], forces[k] = y[:7], np.concatenate([speed, omega]), np.concatenate([F, M])
                 clean[k], acted[k] = np.concatenate([craft.accelerometer(F, omega, alpha), omega]), u(t)
             if k + 1 < rows:
+                rates = motion(craft, n, now, t, held[k], acting)
                 y = advance(rates, t, y, until - t, max(1, int(np.ceil((until - t) / LONGEST_STEP - 1e-9))))
                 n = craft.spun(n, now, until - t)[0]
         y[3:7] /= np.linalg.norm(y[3:7])
     return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=forces, clean=clean, sensors=sensors)
 
 
+def motion(craft: Craft, n: np.ndarray, u: np.ndarray, begin: float, held: np.ndarray, forces: list[Wrench]) -> Rates:
+    """y' (13,) of t and y while u is held, from the root thrusts n at the beginning."""
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        F, M = _total(craft, *craft.spun(n, u, t - begin), t, y, held, forces)
+        dv = rotation(y[3:7]) @ F / craft.craft.m
+        dv[2] += G
+        Q, omega = y[3:7], y[10:]
+        turn = np.concatenate([[-Q[1:] @ omega], Q[0] * omega + np.cross(Q[1:], omega)]) / 2
+        return np.concatenate([y[7:10], turn, dv, (M - np.cross(omega, craft.J * omega)) / craft.J])
+
+    return rates
+
+
 def _total(
-    craft: Craft, n: np.ndarray, rate: np.ndarray, t: float, y: np.ndarray, held: np.ndarray, forces: list
-) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+    craft: Craft, n: np.ndarray, rate: np.ndarray, t: float, y: np.ndarray, held: np.ndarray, forces: list[Wrench]
+) -> tuple[np.ndarray, np.ndarray]:
+    """F, M (3,) with what is concealed."""
     omega, speed = y[10:], rotation(y[3:7]).T @ y[7:10]
     F, M = craft.wrench(n, rate, float(speed[2]), omega)
     both = np.concatenate([F, M]) + held
@@ -123,7 +131,7 @@ def _total(
 
 
 def shares(plain: Craft, trace: Trace) -> dict[str, float]:
-    """Place -> rms of the force that the plain craft lacks under the commands over the rms of the rotors' there; forces: over the thrust."""
+    """Place -> rms of what the plain craft lacks under the commands over the rms of what its rotors give there; forces: over the thrust."""
     n, lacking, load = np.full(4, np.sqrt(plain.craft.m * G / 4)), np.empty_like(trace.a), np.empty_like(trace.a)
     steps = np.diff(trace.time, append=2 * trace.time[-1] - trace.time[-2])
     for k in range(trace.time.size):

@@ -7,9 +7,10 @@ are velocities of coordinates that matter to nothing. Strength of a concealed ef
 lacks on the true motion, row by row, is M_0 a - f_0 - D u_commanded + friction_0; its rms over that of the force at the place.
 """
 
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -17,42 +18,55 @@ from ..run import Conditions, Sensors, clock
 from ..stick_slip import Dynamics, Friction, accelerations, advance
 from .acting import Actuation, InputFault
 from .effects import Effect
+from .sensing import SensorFault
 
 __all__ = ["Control", "Machine", "Setting", "Trace", "operate", "shares"]
 
+Fault = TypeVar("Fault", InputFault, SensorFault)
 OWN = 0.1  # noise of the sensors that the control has of its own, over that of the recorded ones
 
 
-class Machine(Protocol):
-    """A machine in n coordinates."""
+class Machine(ABC):
+    """A machine in n coordinates; the first ones are those of the machine without structure of its own, named after their forces."""
 
-    places: tuple[str, ...]  # the first coordinates, those of the machine without structure of its own, by the names of their forces
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    substeps: int  # of the integration in a row
+    places: ClassVar[tuple[str, ...]]
+    inputs: ClassVar[tuple[str, ...]]
+    outputs: ClassVar[tuple[str, ...]]
 
     @property
+    def substeps(self) -> int:
+        """Of the integration in a row."""
+        return 1
+
+    @property
+    @abstractmethod
     def start(self) -> np.ndarray:
         """q (n,) at rest."""
 
     @property
+    @abstractmethod
     def friction(self) -> Friction:
         """Of the n coordinates."""
 
-    def equations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @abstractmethod
+    def equations(self, q: np.ndarray, v: np.ndarray, /) -> tuple[np.ndarray, np.ndarray]:
         """M (n, n) and f (n,) without inputs and friction."""
 
-    def drive(self, u: np.ndarray) -> np.ndarray:
+    @abstractmethod
+    def drive(self, u: np.ndarray, /) -> np.ndarray:
         """D u (n,)."""
 
-    def read(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    @abstractmethod
+    def read(self, q: np.ndarray, v: np.ndarray, a: np.ndarray, /) -> np.ndarray:
         """The outputs without noise."""
 
-    def plain(self, motion: np.ndarray) -> np.ndarray:
+    def plain(self, motion: np.ndarray, /) -> np.ndarray:
         """Those (places, rows) of q, v or a (n, rows) that the machine without structure of its own has."""
+        return motion[: len(self.places)]
 
-    def load(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def load(self, _q: np.ndarray, _v: np.ndarray, u: np.ndarray, /) -> np.ndarray:
         """The force at each place (places,)."""
+        return self.drive(u)[: len(self.places)]
 
 
 class Control(Protocol):
@@ -96,12 +110,12 @@ def input_faults(effects: tuple[Effect, ...], names: tuple[str, ...]) -> dict[in
     return {names.index(u): _begun(f, e) for e in effects for u, f in e.inputs.items()}
 
 
-def sensor_faults(effects: tuple[Effect, ...]):  # type: ignore[no-untyped-def]
+def sensor_faults(effects: tuple[Effect, ...]) -> dict[str, SensorFault]:
     """Output -> fault, with the onset of its effect."""
     return {o: _begun(f, e) for e in effects for o, f in e.sensors.items()}
 
 
-def _begun(fault, effect: Effect):  # type: ignore[no-untyped-def]
+def _begun(fault: Fault, effect: Effect) -> Fault:
     return fault if effect.onset is None else replace(fault, onset=effect.onset)
 
 
@@ -142,11 +156,11 @@ def operate(machine: Machine, control: Control, setting: Setting, effects: tuple
     return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=accs, clean=clean, sensors=sensors)
 
 
-def _dynamics(machine: Machine, u, held: np.ndarray, effects: list[Effect]) -> Dynamics:  # type: ignore[no-untyped-def]
+def _dynamics(machine: Machine, u: Callable[[float], np.ndarray], held: np.ndarray, effects: list[Effect]) -> Dynamics:
     forces = [e.force for e in effects if e.force is not None]
 
     def dynamics(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        M, f = machine.equations(t, q, v)
+        M, f = machine.equations(q, v)
         f = f + machine.drive(u(t)) + held
         for force in forces:
             f = f + force(t, q, v)
@@ -156,30 +170,25 @@ def _dynamics(machine: Machine, u, held: np.ndarray, effects: list[Effect]) -> D
 
 
 def sticking(friction: Friction, effects: list[Effect]) -> Friction:
-    """The machine's friction with that of the effects."""
+    """The machine's friction with that of the effects; ValueError where some depends on the position and none does not."""
     more = [c for e in effects for c in e.friction]
     if not more:
         return friction
-    sliding, breakaway = friction.sliding.copy(), friction.breakaway.copy()
+    level = np.zeros_like(friction.sliding)
     for c in more:
-        if c.factor is None:
-            sliding[c.i] += c.level
-            breakaway[c.i] += c.level
-    waves = [c for c in more if c.factor is not None]
-    if not waves:
-        return Friction(sliding=sliding, breakaway=breakaway)
-    full = Friction(sliding=sliding, breakaway=breakaway)
-    for c in waves:  # so that a coordinate without other friction can stick at all
-        if full.sliding[c.i] == 0:
-            raise ValueError(f"friction of coordinate {c.i} that depends on the position needs some that does not")
+        level[c.i] += c.level if c.factor is None else 0.0
+    sliding, breakaway = friction.sliding + level, friction.breakaway + level
+    waves = [(c.i, c.level / sliding[c.i], c.factor) for c in more if c.factor is not None and sliding[c.i]]
+    if len(waves) < sum(c.factor is not None for c in more):
+        raise ValueError("friction that depends on the position needs some beside it that does not")
 
     def factor(_t: float, q: np.ndarray) -> np.ndarray:
-        out = np.ones(sliding.size)
-        for c in waves:
-            out[c.i] += c.level / sliding[c.i] * c.factor(float(q[c.i]))  # type: ignore[misc]
+        out = np.ones_like(level)
+        for i, share, wave in waves:
+            out[i] += share * wave(float(q[i]))
         return out
 
-    return Friction(sliding=sliding, breakaway=breakaway, factor=factor)
+    return Friction(sliding=sliding, breakaway=breakaway, factor=factor if waves else None)
 
 
 def shares(plain: Machine, machine: Machine, trace: Trace) -> dict[str, float]:
@@ -187,7 +196,7 @@ def shares(plain: Machine, machine: Machine, trace: Trace) -> dict[str, float]:
     q, v, a = (machine.plain(motion.T).T for motion in (trace.q, trace.v, trace.a))
     lacking, load, level = np.zeros_like(v), np.zeros_like(v), plain.friction
     for k in range(trace.time.size):
-        M, f = plain.equations(float(trace.time[k]), q[k], v[k])
+        M, f = plain.equations(q[k], v[k])
         lacking[k] = M @ a[k] - f - plain.drive(trace.commands[k]) + level.sliding * np.sign(v[k])
         load[k] = plain.load(q[k], v[k], trace.commands[k])
     lacking[(v == 0) & level.acts] = 0.0

@@ -10,6 +10,7 @@ The motors' scales x_m, y_m read the wheels. The spindle between wheels 1 and 2:
 """
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ..stick_slip import Friction
 from ..xy_table import Table
 from .actuator import Position
 from .motions import reference
+from .rig import Machine
 
 __all__ = ["CONDITIONS", "Gantry", "position"]
 
@@ -27,8 +29,8 @@ CONDITIONS = Conditions(duration=8.0, step=0.002, noise={"x_r": 5e-5, "y_r": 5e-
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gantry:
-    """The table; k_3 [N m/rad3] of the spindle; `belt`: wheel (0 or 2) with an elastic belt, k_b [N/m], d_b [N s/m]; e [m], psi of wheel 1."""
+class Gantry(Machine):
+    """The table; k_3 [N m/rad3] of the spindle; `belt`: 0 or 2, the wheel with an elastic one, k_b [N/m], d_b [N s/m]; e [m], psi."""
 
     table: Table = field(default_factory=Table)
     k_3: float = 0.0
@@ -38,10 +40,9 @@ class Gantry:
     e: float = 0.0
     psi: float = 0.7
 
-    places = ("drive_1", "drive_2", "drive_3")
-    inputs = ("I_x", "I_y")
-    outputs = ("x_r", "y_r", "ax_r", "ay_r", "x_m", "y_m")
-    substeps = 1
+    places: ClassVar[tuple[str, ...]] = ("drive_1", "drive_2", "drive_3")
+    inputs: ClassVar[tuple[str, ...]] = ("I_x", "I_y")
+    outputs: ClassVar[tuple[str, ...]] = ("x_r", "y_r", "ax_r", "ay_r", "x_m", "y_m")
 
     @property
     def start(self) -> np.ndarray:
@@ -68,7 +69,7 @@ class Gantry:
             g[0] = -self.e / r**2 * np.sin(angle) * v[0] ** 2
         return s, S, g
 
-    def equations(self, t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def equations(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M and f [kg, N]."""
         table, (s, S, g) = self.table, self.slides(q, v)
         j, r = table.lever(s), table.r
@@ -100,11 +101,7 @@ class Gantry:
         out[4], out[5] = q[0], q[2]
         return out
 
-    def plain(self, motion: np.ndarray) -> np.ndarray:
-        """The wheels."""
-        return motion[:3]
-
-    def load(self, q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def load(self, q: np.ndarray, _v: np.ndarray, u: np.ndarray, /) -> np.ndarray:
         """The motors' forces, and that of the spindle at wheel 2 [N]."""
         out = self.drive(u)[:3]
         out[1] = self.table.k * (q[0] - q[1]) / self.table.r**2
