@@ -17,7 +17,7 @@ def trapezoids(time: np.ndarray, amplitude: float, band: tuple[float, float], rn
     ends, speeds, place = [float(time[0])], [0.0], 0.0
     while ends[-1] < time[-1]:
         target = rng.uniform(0.2, 1.0) * (-1.0 if place > 0 else 1.0) if place else 1.0
-        lasting = 0.5 / (rng.uniform(0.3, 1.0) * band[1] * 0.5)
+        lasting = 1 / (rng.uniform(0.3, 1.0) * band[1])
         ramp = lasting * rng.uniform(0.15, 0.35)
         speed = (target - place) / (lasting - ramp)
         ends += [ends[-1] + ramp, ends[-1] + lasting - ramp, ends[-1] + lasting]
@@ -27,11 +27,11 @@ def trapezoids(time: np.ndarray, amplitude: float, band: tuple[float, float], rn
 
 
 def steps(time: np.ndarray, amplitude: float, band: tuple[float, float], rng: np.random.Generator) -> Reference:
-    """Quick moves between random levels, the velocity a triangle, with short waits at them."""
+    """Quick moves between random levels, the velocity a triangle, with short waits; a usual one is half a period of the band's middle."""
     ends, speeds, place = [float(time[0]), float(time[0]) + 0.02], [0.0, 0.0], 0.0
     while ends[-1] < time[-1]:
         target = rng.uniform(-1.0, 1.0)
-        quick = (0.3 + 0.7 * abs(target - place)) * 0.7 / band[1] ** 0.5 / band[0] ** 0.25
+        quick = (0.3 + 0.7 * abs(target - place)) * 0.45 / np.sqrt(band[0] * band[1])
         ends += [ends[-1] + quick / 2, ends[-1] + quick, ends[-1] + quick + rng.uniform(0.1, 0.5) / band[1]]
         speeds += [2 * (target - place) / quick, 0.0, 0.0]
         place = target

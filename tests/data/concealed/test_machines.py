@@ -63,7 +63,8 @@ WITHOUT = pytest.mark.parametrize("bench", [AXIS, TABLE, DRILL, ARM], ids=lambda
 
 @WITHOUT
 def test_without_effects_it_moves_like_the_plant(bench: RigBench) -> None:
-    assert compare(bench, PLANTS[bench.plant](), {}, {}, START.get(bench.plant, {})) < 1e-6
+    accuracy = 1e-5 if bench is DRILL else 1e-6  # its step is long against L/R
+    assert compare(bench, PLANTS[bench.plant](), {}, {}, START.get(bench.plant, {})) < accuracy
 
 
 def test_friction_inertia_and_damping_that_the_study_leaves_out_act_like_those_of_the_gantry_plant() -> None:

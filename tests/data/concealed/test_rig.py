@@ -64,7 +64,7 @@ def test_half_the_step_gives_the_same_motion_of_an_elastic_screw(monkeypatch: py
                 return trace.commands[k]
 
         with monkeypatch.context() as patch:
-            patch.setattr(Axis, "substeps", 12)
+            patch.setattr(Axis, "substeps", 24)
             finer = operate(screw, Again(), quiet, (), np.random.default_rng(0))
         assert np.abs(trace.clean - finer.clean).max() < 1e-7
 
