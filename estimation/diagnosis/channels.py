@@ -36,8 +36,8 @@ def lagged(time: Array, values: Array, tau: float, held: bool = True) -> Array:
         at_rows = lfilter([0.0, 1 - a], [1.0, -a], values, zi=[values[0] * 1.0])[0] if held else _followed(values, a)
     else:
         at_rows = np.empty_like(values)
-        now = values[0]
-        for k, (u, h) in enumerate(zip(values, step, strict=True)):
+        now, until = values[0], values if held else (values + np.append(values[1:], values[-1])) / 2
+        for k, (u, h) in enumerate(zip(until, step, strict=True)):
             at_rows[k] = now
             now = u + (now - u) * np.exp(-h / tau)
     if not held:

@@ -142,7 +142,7 @@ class _Motions:
         assert result.solution is not None
         self._solution = result.solution
         self._followed = followed_by(result.solution)
-        self._forces = forces(problem, self._followed, result.solution.parameters)
+        self._forces = forces(problem.posed, self._followed, result.solution.parameters)
 
     def of(self, spot: Spot) -> Motion | None:
         """None where the model has no such motion."""
@@ -167,7 +167,7 @@ class _Motions:
     def _named(self, dae: Dae, spot: Spot) -> tuple[object | None, object | None]:
         variables = dae.variables
         words = (
-            (("s", "v"), ("phi", "omega"))
+            ((("s", "v"),) if spot.kind == "translational" else (("phi", "omega"),))
             if len(spot.flanges) == 1
             else (("s_rel", "v_rel"), ("phi_rel", "omega_rel"), ("dphi", "omega_rel"), ("flange_b.s", None), ("flange_b.phi", None))
         )

@@ -30,7 +30,7 @@ class Sizes:
         self.solution, self.result = result.solution, result
         t = self.solution.transcription
         self.names = [t.dae.places[k].name for k in t.soft]
-        of_places = forces(problem, followed_by(self.solution), self.solution.parameters)
+        of_places = forces(problem.posed, followed_by(self.solution), self.solution.parameters)
         self.forces = {t.dae.places[k].name: of_places.get(k, inf) for k in t.soft}
 
     @property

@@ -1,0 +1,139 @@
+"""Lags and delays of signals against SciPy's integrator and against shifts, and faults that have no effect while their strength has none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+
+from backsight.estimation.diagnosis.channels import lagged, late, of_input, of_sensor
+from backsight.models import compile_model
+from backsight.models.plants import actuator, five_bar
+
+EVEN = 0.01 * np.arange(200)
+UNEVEN = np.cumsum(0.01 * (1 + 0.6 * np.sin(np.arange(200.0) ** 2)))
+CLOCKS = pytest.mark.parametrize("time", [EVEN, UNEVEN], ids=["even", "uneven"])
+
+
+def wave(t: np.ndarray) -> np.ndarray:
+    return 3.0 + np.sin(4.0 * t) + 0.4 * np.cos(9.0 * t)
+
+
+def steps(time: np.ndarray) -> np.ndarray:
+    return np.diff(time, append=2 * time[-1] - time[-2])
+
+
+@CLOCKS
+@pytest.mark.parametrize("tau", [0.003, 0.05])
+def test_a_held_input_that_lags_has_the_mean_that_an_integrator_finds(time, tau):
+    values, y, means = wave(time) + np.sign(np.sin(7 * time)), None, []
+    for u, h in zip(values, steps(time), strict=True):
+        y = values[0] if y is None else y
+        done = solve_ivp(lambda _, s, u=u: [(u - s[0]) / tau, s[0]], (0.0, h), [y, 0.0], rtol=1e-10, atol=1e-12)
+        y, area = done.y[:, -1]
+        means.append(area / h)
+    assert lagged(time, values, tau) == pytest.approx(np.array(means), abs=1e-6)
+
+
+@CLOCKS
+def test_a_reading_that_lags_follows_what_it_reads(time):
+    tau = 0.04
+    done = solve_ivp(lambda t, y: (wave(t) - y) / tau, (time[0], time[-1]), [wave(time[0])], t_eval=time, rtol=1e-9, atol=1e-11)
+    assert lagged(time, wave(time), tau, held=False) == pytest.approx(done.y[0], abs=5e-3)  # held, it would be 3e-2 off
+
+
+@CLOCKS
+@pytest.mark.parametrize("delay", [0.002, 0.0137, 0.05])
+def test_a_held_input_that_is_late_has_the_mean_of_what_was_held_then(time, delay):
+    values = wave(time) + np.sign(np.sin(7 * time))
+
+    def held(t: float) -> float:
+        return float(values[max(np.searchsorted(time, t, side="right") - 1, 0)])
+
+    for k in (0, 1, 5, 77, 198):
+        h = steps(time)[k]
+        jumps = [t for t in time + delay if time[k] < t < time[k] + h]
+        mean = quad(lambda t: held(t - delay), time[k], time[k] + h, points=jumps or None)[0] / h
+        assert late(time, values, delay)[k] == pytest.approx(mean, abs=1e-6)
+
+
+@CLOCKS
+def test_a_reading_that_is_late_is_an_earlier_one(time):
+    found = late(time, wave(time), 0.03, held=False)
+    assert found[10:] == pytest.approx(wave(time[10:] - 0.03), abs=3e-3)
+    assert found[0] == wave(time[0])
+
+
+def test_a_delay_of_whole_rows_is_a_shift():
+    values = np.random.default_rng(0).standard_normal(200)
+    for held in (True, False):
+        assert late(EVEN, values, 0.03, held)[3:] == pytest.approx(values[:-3])
+        assert late(EVEN, values, 0.03, held)[:3] == pytest.approx(values[0])
+
+
+@pytest.mark.parametrize(("plant", "signal", "other"), [(actuator, "F", "x"), (five_bar, "tau_1", "theta_1")])
+def test_faults_without_strength_change_nothing_and_with_it_what_their_name_says(plant, signal, other):
+    model = plant()
+    base = compile_model(model)
+    rng = np.random.default_rng(0)
+    at = [rng.standard_normal(n) / 3 for n in (base.dx.shape[0], base.x.shape[0], base.z.shape[0], base.u.shape[0])]
+    p, w, t = np.array(base.parameter_values()), np.zeros(base.w.shape[0]), 0.7
+    u = [q.name for q in base.inputs].index(signal)
+    y = [q.name for q in base.outputs].index(other)
+
+    def told(dae, values, inputs):
+        known = dict(zip((q.name for q in base.parameters), p, strict=True)) | values
+        full = [known.get(q.name, q.value) for q in dae.parameters]
+        return [np.asarray(part).ravel() for part in dae.function()(*at[:3], inputs, full, w, t)]
+
+    plain = told(base, {}, at[3])
+    faults = [*of_input(model, signal, [EVEN], 0.01, 2.0), *of_sensor(model, other, [], 0.01, 2.0)]
+    assert {c.physics for c in faults if not c.strengths} == {
+        "input_lag", "input_delay", "input_saturation", "input_dead_zone", "sensor_lag", "sensor_delay",
+    }  # fmt: skip
+    for c in faults:
+        if not c.strengths:
+            assert c.signals
+            continue
+        dae = compile_model(c.edited(model))
+        for a, b in zip(told(dae, {}, at[3]), plain, strict=True):
+            assert a == pytest.approx(b, abs=1e-12), c.title
+        residual, output = told(dae, {c.strengths[0]: 0.3}, at[3])
+        expected = {"input_gain": 0.3 * at[3][u], "input_offset": at[3][u] + 0.3}.get(c.physics)
+        if expected is not None:
+            moved = at[3].copy()
+            moved[u] = expected
+            assert residual == pytest.approx(told(base, {}, moved)[0], abs=1e-12)
+        else:
+            right = {"sensor_gain": 0.3 * plain[1][y], "sensor_bias": plain[1][y] + 0.3, "sensor_drift": plain[1][y] + 0.3 * t}[c.physics]
+            assert output[y] == pytest.approx(right)
+            assert residual == pytest.approx(plain[0])
+
+
+def test_an_input_that_is_nothing_has_no_faults():
+    assert of_input(actuator(), "F", [np.zeros(5)], 0.01, 1.0) == []
+
+
+def test_a_turned_sensor_reads_a_part_of_the_other_one():
+    model = five_bar()
+    c = next(c for c in of_sensor(model, "theta_1", ["theta_2"], 0.01, 1.0) if c.physics == "sensor_misalignment")
+    base, dae = compile_model(model), compile_model(c.edited(model))
+    rng = np.random.default_rng(0)
+    at = [rng.standard_normal(n) for n in (base.dx.shape[0], base.x.shape[0], base.z.shape[0], base.u.shape[0])]
+    w = np.zeros(base.w.shape[0])
+    _, plain = base.function()(*at, base.parameter_values(), w, 0.0)
+    _, same = dae.function()(*at, dae.parameter_values(), w, 0.0)
+    _, turned = dae.function()(*at, dae.parameter_values({c.strengths[0]: 0.2}), w, 0.0)
+    assert np.asarray(same) == pytest.approx(np.asarray(plain))
+    assert float(turned[0]) == pytest.approx(float(plain[0]) + 0.2 * float(plain[1]))
+    assert float(turned[1]) == pytest.approx(float(plain[1]))
+
+
+def test_saturation_and_dead_zone_are_looked_at_as_they_are():
+    faults = {c.physics: c for c in of_input(actuator(), "F", [np.array([-4.0, 1.0, 0.1, 3.0])], 0.01, 1.0)}
+    u = np.array([-4.0, 1.0, 0.1, 3.0])
+    half = next(s for s in faults["input_saturation"].signals if next(iter(s.start.values())) == 2.0)
+    assert half.changed(EVEN[:4], u).tolist() == [-2.0, 1.0, 0.1, 2.0]
+    zone = faults["input_dead_zone"].signals[-1]
+    (width,) = zone.start.values()
+    assert zone.changed(EVEN[:4], u) == pytest.approx(np.sign(u) * np.maximum(np.abs(u) - width, 0.0))

@@ -1,0 +1,110 @@
+"""Couplings that were thought to be rigid: where they are, that a stiff one is the rigid one again, and the resonance they are given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation.diagnosis.couplings import of_coupling, place_of
+from backsight.estimation.diagnosis.laws import Motion
+from backsight.estimation.diagnosis.places import elements
+from backsight.models import compile_model, simulate
+from backsight.models.plants import PLANTS, actuator
+
+MOTION = Motion(v_rms=0.2, low=-0.1, high=0.1, force=40.0, interval=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("plant", "expected"),
+    [
+        ("actuator", {"screw": "screw"}),
+        ("xy_table", {"spindle": "drive_1", "belt_1": "drive_1", "belt_2": "drive_2", "belt_3": "drive_3"}),
+        ("drillstring", {"gear": "motor", "string": "rotary_table"}),
+    ],
+)
+def test_a_coupling_is_at_the_body_that_drives_it(plant, expected):
+    model = PLANTS[plant]()
+    assert {spot.name: place_of(model, spot) for spot in elements(model)} == expected
+
+
+def screws(physics: str) -> list:
+    model = actuator()
+    (screw,) = elements(model)
+    return [c for c in of_coupling(model, screw, MOTION, {"carriage": 95.0}) if c.physics == physics]
+
+
+def test_a_screw_may_be_soft_or_loose_and_the_encoder_at_either_end():
+    for physics in ("compliance", "backlash"):
+        ends = {
+            next(b for a, b in c.edited(actuator()).connections if a.startswith("encoder") or b.startswith("encoder"))
+            for c in screws(physics)
+        }
+        assert ends == {"screw.flange_a", "screw.flange_b"}
+        assert all(c.dear and c.place == "screw" for c in screws(physics))
+
+
+def test_soft_screws_resonate_where_they_say():
+    found = set()
+    for c in screws("compliance"):
+        dae = compile_model(c.edited(actuator()))
+        p = dae.parameter_values({"friction.d": 0.0, "friction.f_c": 0.0, "offset.f": 0.0, "screw.d": 0.0})
+        F = dae.function()
+        nx = len(dae.states)
+        zero = [np.zeros(n) for n in (nx, nx, len(dae.algebraics), len(dae.inputs))]
+
+        def column(which: int, i: int, F=F, p=p, zero=zero, dae=dae) -> np.ndarray:
+            at = [z.copy() for z in zero]
+            at[which][i] = 1.0
+            moved, still = (np.asarray(F(*a, p, np.zeros(len(dae.places)), 0.0)[0]).ravel() for a in (at, zero))
+            return moved - still
+
+        E, A = (np.column_stack([column(which, i) for i in range(nx)]) for which in (0, 1))
+        rates = np.linalg.eigvals(-np.linalg.solve(E, A))
+        found.add(round(float(np.abs(rates).max() / (2 * np.pi)), 6))
+    guesses = {c.start["screw.k"][0] for c in screws("compliance")}
+    assert len(guesses) == len(found)
+    reduced = 1 / (1 / 95.0 + 1 / (0.3 * 95.0))  # of the masses at its ends
+    m = actuator().components["carriage"].parameters["m"]
+    actual = 1 / (1 / m + 1 / (0.3 * 95.0))
+    assert sorted(found) == pytest.approx([np.sqrt(k / actual) / (2 * np.pi) for k in sorted(guesses)], rel=1e-4)
+    assert reduced == pytest.approx(actual, rel=1e-3)
+
+
+def test_a_screw_that_is_nearly_rigid_moves_as_a_rigid_one_with_both_masses():
+    time = 1e-3 * np.arange(400)
+    force = {"F": 80.0 * np.sin(20 * time)}
+    c = screws("compliance")[0]
+    (body,) = (name.partition(".")[0] for name in c.start if name.endswith(".m"))
+    stiff = {"screw.k": 1e9, "screw.d": 1e6, f"{body}.m": 28.0, "carriage.m": 67.0, "friction.f_c": 0.0}
+    soft = simulate(compile_model(c.edited(actuator())), time, force, parameters=stiff)
+    rigid = simulate(compile_model(actuator()), time, force, parameters={"carriage.m": 95.0, "friction.f_c": 0.0})
+    assert soft.outputs["x"] == pytest.approx(rigid.outputs["x"], abs=1e-6 + 1e-3 * np.abs(rigid.outputs["x"]).max())
+
+
+def test_a_screw_with_play_passes_no_force_within_it():
+    c = screws("backlash")[0]
+    dae = compile_model(c.edited(actuator()))
+    assert "screw.f" in dae.variables
+    names = [q.name for q in dae.states]
+    gap = c.start["screw.gap"][0]
+
+    def force(apart: float) -> float:
+        x = np.zeros(len(names))
+        x[names.index("screw_mass.s")] = apart
+        nothing = [np.zeros(n) for n in (len(names), len(dae.algebraics), len(dae.inputs), len(dae.places))]
+        return float(dae.probe("screw.f")(nothing[0], x, nothing[1], nothing[2], dae.parameter_values(), nothing[3], 0.0))
+
+    k = c.start["screw.k"][0]
+    assert abs(force(0.0)) < 1e-6 * k * gap
+    assert force(3 * gap) - force(2 * gap) == pytest.approx(k * gap, rel=0.02)
+    assert force(-2 * gap) == pytest.approx(-force(2 * gap))
+    assert abs(force(0.2 * gap)) < 0.02 * force(2 * gap)
+
+
+def test_what_is_no_rigid_coupling_or_has_no_mass_behind_it_is_left_alone():
+    model = actuator()
+    (screw,) = elements(model)
+    assert of_coupling(model, screw, MOTION, {}) == []
+    soft = actuator(screw="compliant")
+    (screw,) = elements(soft)
+    assert of_coupling(soft, screw, MOTION, {"carriage": 75.0, "motor_mass": 20.0}) == []

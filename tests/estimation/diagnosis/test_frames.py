@@ -1,0 +1,114 @@
+"""What may be missing in planes and in space, against Newton's and Euler's laws written down by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from neutral import Point
+
+from backsight.estimation.diagnosis.frames import of_frames
+from backsight.models import compile_model
+from backsight.models.plants import PLANTS, quadrotor, xy_table
+
+
+def by_name(model) -> dict:
+    return {(c.place, c.physics): c for c in of_frames(model)}
+
+
+@pytest.mark.parametrize("plant", [xy_table, quadrotor])
+def test_without_strength_they_change_nothing(plant):
+    model = plant()
+    base, grown = compile_model(model), model
+    for c in of_frames(model):
+        if c.strengths:
+            grown = c.edited(grown)
+    whole = compile_model(grown)
+    for seed in range(3):
+        point = Point(base, seed)
+        for a, b in zip(point.told(whole), point.told(), strict=True):
+            assert a == pytest.approx(b, abs=1e-10)
+
+
+def test_rotors_that_spin_down_as_fast_as_up_are_the_ones_that_were_there():
+    model = quadrotor()
+    base = compile_model(model)
+    rotors = [c for c in of_frames(model) if c.physics == "asymmetric_lag"]
+    assert [c.place for c in rotors] == [f"rotor_{i}" for i in (1, 2, 3, 4)]
+    assert all(c.dear for c in rotors)
+    for c in rotors[:2]:
+        dae = compile_model(c.edited(model))
+        (down,) = c.start
+        for seed in range(3):
+            point = Point(base, seed)
+            still = np.concatenate(point.told())
+            assert np.linalg.norm(np.concatenate(point.told(dae, {down: 0.2})) - still) > 0
+            # both time constants alike: each row of its law may have another factor, but it is nothing where the old one is
+            same = np.concatenate(point.told(dae, {down: 0.05}))
+            changed = np.flatnonzero(~np.isclose(same, still, rtol=1e-9, atol=1e-12))
+            assert len(changed) <= 1
+            ratios = {float(np.round(same[k] / still[k], 6)) for k in changed}
+            assert ratios <= {0.5, 1.0, 2.0, 0.025, 40.0}
+
+
+def body_effect(model, c, path: str, seed: int, size: float = 1.0) -> tuple[Point, np.ndarray]:
+    base, dae = compile_model(model), compile_model(c.edited(model))
+    point = Point(base, seed)
+    return point, np.concatenate(point.told(dae, {path: size})) - np.concatenate(point.told(dae))
+
+
+def unit_forces(model, seed: int) -> np.ndarray:
+    """What a newton along x, y, z of the body does to residual and outputs, (rows, 3)."""
+    c = by_name(model)["body", "constant_force"]
+    return np.column_stack([body_effect(model, c, path, seed)[1] for path in c.strengths])
+
+
+def test_drag_is_against_the_velocity():
+    model = quadrotor()
+    found = by_name(model)
+    for seed in range(2):
+        newton = unit_forces(model, seed)
+        point, linear = body_effect(model, found["body", "linear_drag"], found["body", "linear_drag"].strengths[0], seed)
+        names = [q.name for q in point.dae.states]
+        nu = np.array([point.x[names.index(f"body.{w}")] for w in "uvw"])
+        assert linear == pytest.approx(newton @ (-nu * [1, 1, 0]), abs=1e-9)
+        _, square = body_effect(model, found["body", "quadratic_drag"], found["body", "quadratic_drag"].strengths[0], seed)
+        assert square == pytest.approx(newton @ (-np.linalg.norm(nu) * nu), rel=1e-4, abs=1e-6)
+
+
+def test_a_constant_force_shows_in_the_accelerometer_over_the_mass():
+    model = quadrotor()
+    base = compile_model(model)
+    newton = unit_forces(model, 0)
+    rows = base.residual.shape[0]
+    assert np.linalg.matrix_rank(newton[:rows]) == 3
+
+
+def test_a_small_offset_of_the_mass_is_linear_in_it():
+    model = quadrotor()
+    c = by_name(model)["body", "coupling"]
+    for path in c.strengths:
+        _, small = body_effect(model, c, path, 0, 1e-4)
+        _, twice = body_effect(model, c, path, 0, 2e-4)
+        assert np.linalg.norm(small) > 0
+        assert twice == pytest.approx(2 * small, rel=1e-2, abs=1e-3 * np.abs(small).max())
+
+
+def test_a_tilted_plane_pulls_along_its_direction():
+    model = xy_table()
+    c = by_name(model)["world", "gravity"]
+    base = compile_model(model)
+    point, tilt, (path,) = Point(base), 1e-3, c.strengths
+    still = np.concatenate(point.told())
+
+    def effect(direction: float) -> np.ndarray:
+        return (np.concatenate(point.told(base, {path: tilt, c.quadrature: direction})) - still) / tilt
+
+    x, y = effect(0.0), effect(np.pi / 2)
+    assert np.linalg.norm(x) > 0
+    assert effect(0.8) == pytest.approx(np.cos(0.8) * x + np.sin(0.8) * y, rel=1e-4, abs=1e-6 * np.abs(x).max())
+    assert effect(0.8 + np.pi) == pytest.approx(-effect(0.8), rel=1e-4, abs=1e-6 * np.abs(x).max())
+
+
+@pytest.mark.parametrize("plant", ["actuator", "drillstring"])
+def test_machines_without_frames_have_none(plant):
+    assert of_frames(PLANTS[plant]()) == []

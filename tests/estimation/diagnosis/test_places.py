@@ -1,0 +1,69 @@
+"""Where physics can be attached, on the five plants as their drawings show them."""
+
+from __future__ import annotations
+
+import pytest
+
+from backsight.estimation.diagnosis.places import at_hand, bodies, elements, neighbours, node
+from backsight.models.plants import PLANTS, actuator
+
+
+def named(spots) -> dict[str, str]:
+    return {spot.name: spot.kind for spot in spots}
+
+
+@pytest.mark.parametrize(
+    ("plant", "expected"),
+    [
+        ("actuator", {"carriage": "translational"}),
+        ("xy_table", {f"drive_{i}": "rotational" for i in (1, 2, 3)} | {f"slide_{i}": "translational" for i in (1, 2)}),
+        ("drillstring", {"motor": "rotational", "rotary_table": "rotational", "bha": "rotational"}),
+        ("five_bar", {f"joint_{i}": "rotational" for i in range(1, 6)}),
+        ("quadrotor", {}),
+    ],
+)
+def test_bodies_are_what_slides_or_turns_and_the_axes_of_joints(plant, expected):
+    assert named(bodies(PLANTS[plant]())) == expected
+
+
+@pytest.mark.parametrize(
+    ("plant", "expected"),
+    [
+        ("actuator", {"screw": "translational"}),
+        ("xy_table", {"spindle": "rotational"} | {f"belt_{i}": "translational" for i in (1, 2, 3)}),
+        ("drillstring", {"gear": "rotational", "string": "rotational"}),
+        ("five_bar", {}),
+        ("quadrotor", {}),
+    ],
+)
+def test_elements_are_between_two_bodies_and_not_between_one_and_the_ground(plant, expected):
+    found = elements(PLANTS[plant]())
+    assert named(found) == expected
+    assert all(len(spot.flanges) == 2 for spot in found)
+
+
+def test_a_compliant_screw_has_a_body_at_either_end():
+    model = actuator(screw="compliant")
+    assert named(bodies(model)) == {"motor_mass": "translational", "carriage": "translational"}
+    assert named(elements(model)) == {"screw": "translational"}
+
+
+def test_a_node_is_all_flanges_that_are_joined():
+    model = actuator()
+    expected = {"screw.flange_b", "carriage.flange", "friction.flange_a", "offset.flange_a"}
+    for flange in expected:
+        assert node(model, flange) == expected
+    assert neighbours(model, "carriage.flange") == {"screw", "carriage", "friction", "offset"}
+
+
+def test_what_a_body_has_already_is_what_stands_between_it_and_the_ground():
+    model = actuator()
+    (carriage,) = bodies(model)
+    found = at_hand(model, carriage, ("d", "f_c", "m", "k"))
+    assert found == {"d": ["friction.d"], "f_c": ["friction.f_c"], "m": ["carriage.m"]}
+    soft = actuator(screw="compliant")
+    end = next(spot for spot in bodies(soft) if spot.name == "carriage")
+    assert at_hand(soft, end, ("d", "k"))["d"] == ["friction.d"]  # that of the screw is between two bodies
+    assert "k" not in at_hand(soft, end, ("d", "k"))
+    rotor = next(spot for spot in bodies(PLANTS["drillstring"]()) if spot.name == "rotary_table")
+    assert at_hand(PLANTS["drillstring"](), rotor, ("d",)) == {"d": ["rotary_table.d"]}

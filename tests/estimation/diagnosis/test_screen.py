@@ -1,0 +1,157 @@
+"""The screen against draws, against a bounded minimiser, and against dense regressions of which the answers are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.stats import chi2
+
+from backsight.estimation.diagnosis.candidates import Candidate, Signal
+from backsight.estimation.diagnosis.score import Columns, Scores
+from backsight.estimation.diagnosis.screen import Screen, gain, screen
+from backsight.estimation.diagnosis.supermodel import Look
+
+ROWS = 60
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Rows r + J dX + S a with unit noise: what `Linearised` is for a smoothing problem, by a projection."""
+
+    r: np.ndarray
+    J: np.ndarray
+
+    def scores(self, columns: Columns) -> Scores:
+        Q, _ = np.linalg.qr(self.J)
+        S = columns.squares - Q @ (Q.T @ columns.squares)
+        return Scores(b=S.T @ self.r, G=S.T @ S, plain=np.sum(columns.squares**2, axis=0))
+
+
+def look(columns: np.ndarray, of: Candidate | None = None, **given) -> Look:
+    c = of or Candidate(place="p", family="friction", physics="x", strengths=tuple(f"a_{i}" for i in range(columns.shape[1])), **given)
+    return Look(candidate=c, shape={}, columns=Columns(squares=columns, multiplied=np.zeros((0, columns.shape[1]))))
+
+
+def regression(seed: int, signal: np.ndarray | None = None) -> Regression:
+    rng = np.random.default_rng(seed)
+    J = np.random.default_rng(99).standard_normal((ROWS, 4))
+    return Regression(r=rng.standard_normal(ROWS) + (0 if signal is None else signal), J=J)
+
+
+def test_gain_estimate_and_deviation_are_those_of_a_regression():
+    rng = np.random.default_rng(0)
+    S = rng.standard_normal((ROWS, 2))
+    base = regression(1, -S @ [1.0, -2.0])
+    (found,) = screen(base, [look(S)]).found
+    A = np.column_stack([base.J, S])
+    fit, (rest,), *_ = np.linalg.lstsq(A, -base.r, rcond=None)
+    _, (before,), *_ = np.linalg.lstsq(base.J, -base.r, rcond=None)
+    assert found.estimate == pytest.approx(fit[4:])
+    assert found.gain == pytest.approx((before - rest) / 2)
+    assert found.std == pytest.approx(np.sqrt(np.diag(np.linalg.inv(A.T @ A)))[4:])
+    assert found.freedom == 2
+
+
+def test_the_best_shape_of_a_candidate_is_kept_and_every_look_counted():
+    rng = np.random.default_rng(0)
+    right, wrong = rng.standard_normal((ROWS, 1)), rng.standard_normal((ROWS, 1))
+    c = Candidate(place="p", family="friction", physics="x", strengths=("a",))
+    found = screen(regression(2, -right[:, 0]), [look(wrong, c), look(right, c), look(rng.standard_normal((ROWS, 2)))])
+    assert len(found.found) == 2
+    assert found.found[0].look.columns.squares is not None
+    assert np.array_equal(found.found[0].look.columns.squares, right)
+    assert found.looks == {1: 2, 2: 1}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_strengths_that_may_not_be_negative_gain_what_a_bounded_minimiser_says(seed):
+    rng = np.random.default_rng(seed)
+    S = rng.standard_normal((ROWS, 3)) + rng.standard_normal((ROWS, 1))
+    base = regression(seed, S @ rng.standard_normal(3) / 3)
+    (found,) = screen(base, [look(S, one_sided=True)]).found
+    scores = base.scores(look(S).columns)
+
+    def cost(a):
+        return scores.b @ a + a @ scores.G @ a / 2, scores.b + scores.G @ a
+
+    best = minimize(cost, np.ones(3), jac=True, bounds=[(0, None)] * 3, options={"ftol": 1e-14, "gtol": 1e-10})
+    assert found.gain == pytest.approx(-best.fun, abs=1e-6)
+    assert found.estimate == pytest.approx(best.x, abs=1e-4)
+    (free,) = screen(base, [look(S)]).found
+    assert free.gain >= found.gain
+
+
+def test_a_signal_cannot_be_other_than_it_is_with_a_negative_share():
+    S = np.random.default_rng(0).standard_normal((ROWS, 1))
+    signal = Signal(of="input:u", changed=lambda _, values: values)
+    against, along = (screen(regression(3, sign * 3 * S[:, 0]), [look(S, signals=(signal,))]).found[0] for sign in (1, -1))
+    assert against.gain == 0
+    assert along.gain > 20
+
+
+def test_the_chance_of_a_gain_is_an_upper_limit_and_near_to_what_draws_give():
+    rng = np.random.default_rng(0)
+    looks = [look(rng.standard_normal((ROWS, n))) for n in (1, 1, 1, 2, 2, 3)]
+    tops = []
+    for seed in range(2000):
+        tops.append(screen(regression(1000 + seed), looks).found)
+    gains = np.array([max(s.gain for s in found) for found in tops])
+    judge = screen(regression(0), looks)
+    for chance in (0.3, 0.1, 0.05):
+        seen = np.mean(gains > judge.needed(chance))
+        assert 0.6 * chance - 0.01 < seen < chance + 3 * np.sqrt(chance / len(gains))
+        assert judge.chance(judge.needed(chance)) == pytest.approx(chance, rel=1e-6)
+    alone = screen(regression(0), looks[:1])
+    assert alone.chance(2.0) == pytest.approx(chi2.sf(4.0, 1))
+    assert judge.chance(1e-9) == 1.0
+
+
+def test_two_names_of_one_effect_are_alike_and_others_are_as_their_angle():
+    rng = np.random.default_rng(0)
+    S, T = rng.standard_normal((ROWS, 1)), rng.standard_normal((ROWS, 1))
+    pair = rng.standard_normal((ROWS, 2))
+    base = regression(0, -S[:, 0])
+    within = base.J @ rng.standard_normal((4, 1))  # what the parameters can take over makes no difference
+    found = screen(base, [look(S), look(-3 * S + within), look(T), look(pair), look(pair @ [[1.0, 2.0], [0.5, -1.0]])])
+    by = {id(s.look): s for s in found.found}
+    one, same, other, two, turned = (
+        next(s for s in by.values() if np.array_equal(s.look.columns.squares, columns))
+        for columns in (S, -3 * S + within, T, pair, pair @ [[1.0, 2.0], [0.5, -1.0]])
+    )
+    assert found.alike(one, same) == pytest.approx(1.0)
+    assert found.alike(two, turned) == pytest.approx(1.0)
+    Q, _ = np.linalg.qr(base.J)
+    a, b = (x[:, 0] - Q @ (Q.T @ x[:, 0]) for x in (S, T))
+    assert found.alike(one, other) == pytest.approx(abs(a @ b) / np.linalg.norm(a) / np.linalg.norm(b))
+    assert found.alike(one, two) == 0.0  # one number cannot stand for two
+
+
+def test_what_parameters_can_take_over_wholly_is_not_told():
+    base = regression(0)
+    found = screen(base, [look(base.J @ np.ones((4, 1))), look(np.random.default_rng(1).standard_normal((ROWS, 1)))])
+    assert len(found.found) == 1
+    assert found.looks == {1: 1}
+
+
+def test_a_strength_that_is_told_once_counts_once():
+    S = np.random.default_rng(1).standard_normal((ROWS, 1))
+    base = regression(0, -S[:, 0])
+    (twice,) = screen(base, [look(np.column_stack([S, 2 * S]))]).found
+    (once,) = screen(base, [look(S)]).found
+    assert twice.freedom == 1
+    assert twice.gain == pytest.approx(once.gain)
+
+
+def test_gain_of_some_columns_and_a_screen_of_nothing():
+    S = np.random.default_rng(1).standard_normal((ROWS, 3))
+    base = regression(0, S[:, 0])
+    scores = base.scores(look(S).columns)
+    assert gain(scores, [0, 2]) == pytest.approx(screen(base, [look(S[:, [0, 2]])]).found[0].gain)
+    nothing = screen(base, [])
+    assert nothing.found == ()
+    assert nothing.chance(1.0) == 0.0
+    assert replace(nothing).needed(0.05) == 0.1
+    assert isinstance(nothing, Screen)
