@@ -12,8 +12,8 @@ from backsight.estimation.diagnosis.laws import AGAINST_GROUND, BETWEEN, Motion,
 from backsight.estimation.diagnosis.places import bodies, elements
 from backsight.estimation.smoothing.rest import ROUNDING
 from backsight.models import Dae, compile_model
-from backsight.models.quadratures import without_ignorable
 from backsight.models.plants import PLANTS, actuator
+from backsight.models.quadratures import without_ignorable
 
 MOTION = Motion(v_rms=0.2, low=-0.3, high=0.5, force=40.0, interval=1e-3)
 
@@ -194,9 +194,7 @@ def test_a_richer_law_takes_the_part_of_a_plainer_one_that_is_there():
     (spot,) = bodies(model)
     by = {law.label or law.physics: of_law(law, model, spot, MOTION) for law in AGAINST_GROUND}
     assert by["stribeck_friction"].absorbs == {"friction.f_c": "stribeck_friction_carriage.f_c"}
-    assert by["asymmetric_friction"].absorbs == {
-        "friction.d": "asymmetric_friction_carriage.d_plus asymmetric_friction_carriage.d_minus"
-    }
+    assert by["asymmetric_friction"].absorbs == {"friction.d": "asymmetric_friction_carriage.d_plus asymmetric_friction_carriage.d_minus"}
     assert by["logarithmic_friction"].absorbs == {"friction.f_c": "logarithmic_friction_carriage.c"}
     assert by["coulomb_friction"].absorbs == {}
     turning = PLANTS["xy_table"]()
