@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Mark", "drawing"]
 
 WIDTH, HEIGHT, ACROSS, DOWN = 126, 40, 64, 34  # of a box, and between boxes [px]
-MARGIN, SWEEPS, LETTERS = 14, 6, 16
+MARGIN, SWEEPS, LETTERS = 14, 6, 15
 LEAST = 0.6  # of its size, to which a drawing shrinks before it scrolls
 STYLES = {
     "guilty": ("var(--warn)", "2.6", "", "var(--warn)"),
