@@ -50,6 +50,7 @@ RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
 EFFECTS = 4
+SPREAD = 0.3  # standard deviation of a strength over the largest one
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
@@ -354,11 +355,15 @@ def _matters(s: Screened, sizes: Sizes) -> bool:
 
 
 def _sound(c: Candidate, f: Fitted) -> bool:
-    """Whether its strengths are told, and not on a bound."""
+    """Whether its strengths are told, to less than SPREAD of the largest."""
     if f.result is None:
         return False
-    names = [*c.strengths] or [*c.start]
-    return any(f.result.parameters[n].std is not None for n in names if n in f.result.parameters)
+    found = [f.result.parameters[n] for n in (c.strengths or tuple(c.start)) if n in f.result.parameters]
+    told = [p for p in found if p.std is not None]
+    if not told:
+        return False
+    largest = max(abs(p.value - c.neutral(p.name)) for p in told)
+    return max(p.std or 0.0 for p in told) < SPREAD * largest
 
 
 def _strengths(c: Candidate, f: Fitted) -> dict[str, Strength]:
