@@ -46,8 +46,8 @@ def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis(
 
 @pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
 def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
-    example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[3]
-    exec(compile(example, "README.md", "exec"), {})
+    examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile(next(e for e in examples if "Estimator" in e), "README.md", "exec"), {})
     friction, std, _, *words = capsys.readouterr().out.split()
     assert abs(float(friction) - 20.0) < 4 * float(std)
     assert words[0] == "estimated"
@@ -85,3 +85,18 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     parameters = json.loads((tmp_path / "drive" / "result.json").read_text())["parameters"]
     for name, truth in {"load.J": 1e-3, "shaft.k": 4.0, "bearing.tau_c": 0.02}.items():
         assert abs(parameters[name]["value"] - truth) < 4 * parameters[name]["std"], name
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+def test_the_friction_that_was_kept_from_the_model_is_found():
+    examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    names: dict[str, object] = {"__name__": "readme"}
+    exec(compile(next(e for e in examples if "diagnose(" in e), "README.md", "exec"), names)
+    found = names["found"]
+    (finding,) = found.findings  # type: ignore[attr-defined]
+    assert (finding.explanation.place, finding.explanation.physics) == ("carriage", "coulomb_friction")
+    f_c = finding.explanation.parameters["f_c"]
+    assert abs(f_c.value - 20.0) < 4 * f_c.std
+    assert found.held_out.improvement_percent > 90  # type: ignore[attr-defined]
+    assert found.held_out.p_value < 0.01  # type: ignore[attr-defined]

@@ -10,9 +10,10 @@ In base parameters: P_1 = second moment of link 12 about its joint, P_2, P_3 = c
 and second moment of link 56 about its joint.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import cos, sin
 
 import numpy as np
 
@@ -67,51 +68,55 @@ class Arm:
 
     def loop(self, theta_2: float) -> np.ndarray:
         """theta_3, theta_4 (2,) that close the loop, from the assembly with links 56 and 3 on the side of positive angles."""
-        c, s = np.cos(theta_2), np.sin(theta_2)
-        triangle = self.l_2 - self.l_4 * c
-        inner = np.array([0.8, 1.8]) if triangle > 0 else np.array([2.0, 0.5])
+        c, s = cos(theta_2), sin(theta_2)
+        three, four = (0.8, 1.8) if self.l_2 - self.l_4 * c > 0 else (2.0, 0.5)
         for _ in range(50):
-            closure = np.array(
-                [
-                    self.l_4 * c + self.l_5 * np.cos(inner[0]) - self.l_2 - self.l_3 * np.cos(inner[1]),
-                    self.l_4 * s + self.l_5 * np.sin(inner[0]) - self.l_3 * np.sin(inner[1]),
-                ]
-            )
-            change = np.linalg.solve(self.inner_rates(inner), closure)
-            inner = inner - change
-            if np.abs(change).max() < 1e-14:
+            along = self.l_4 * c + self.l_5 * cos(three) - self.l_2 - self.l_3 * cos(four)
+            across = self.l_4 * s + self.l_5 * sin(three) - self.l_3 * sin(four)
+            ((a, b), (d, e)) = self.inner_rates((three, four))
+            change = (e * along - b * across) / (a * e - b * d), (a * across - d * along) / (a * e - b * d)
+            three, four = three - change[0], four - change[1]
+            if max(abs(change[0]), abs(change[1])) < 1e-14:
                 break
-        return inner
+        return np.array([three, four])
 
-    def inner_rates(self, inner: np.ndarray) -> np.ndarray:
+    def inner_rates(self, inner: Sequence[float] | np.ndarray) -> tuple[tuple[float, float], tuple[float, float]]:
         """Derivative (2, 2) of the loop's closure with respect to theta_3, theta_4."""
-        return np.array(
-            [[-self.l_5 * np.sin(inner[0]), self.l_3 * np.sin(inner[1])], [self.l_5 * np.cos(inner[0]), -self.l_3 * np.cos(inner[1])]]
-        )
+        three, four = float(inner[0]), float(inner[1])
+        return (-self.l_5 * sin(three), self.l_3 * sin(four)), (self.l_5 * cos(three), -self.l_3 * cos(four))
 
     def links(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angles a (4,), S (4, 2) and s (4,) of links 12, 4, 56, 3."""
-        inner = self.loop(float(q[1]))
-        J = self.inner_rates(inner)
-        outward = np.array([np.cos(q[1]), np.sin(q[1])])
-        along = np.array([-outward[1], outward[0]])
-        ratio = -np.linalg.solve(J, self.l_4 * along)  # of theta_3', theta_4' to theta_2'
-        rate = ratio * v[1]
-        fling = self.l_4 * outward * v[1] ** 2 + self.l_5 * np.array([np.cos(inner[0]), np.sin(inner[0])]) * rate[0] ** 2
-        fling -= self.l_3 * np.array([np.cos(inner[1]), np.sin(inner[1])]) * rate[1] ** 2
-        bias = np.linalg.solve(J, fling)
-        angles = q[0] + np.array([0.0, q[1], inner[0], inner[1]])
+        turn, (three, four) = float(q[1]), self.loop(float(q[1]))
+        ((a, b), (d, e)) = self.inner_rates((three, four))
+        determinant, outward = a * e - b * d, (cos(turn), sin(turn))
+
+        def solved(x: float, y: float) -> tuple[float, float]:
+            """theta_3, theta_4 of the loop's closure times them = (x, y)."""
+            return (e * x - b * y) / determinant, (a * y - d * x) / determinant
+
+        ratio = solved(self.l_4 * outward[1], -self.l_4 * outward[0])  # of theta_3', theta_4' to theta_2'
+        turning, rate = float(v[1]) ** 2, (ratio[0] * float(v[1]), ratio[1] * float(v[1]))
+        fling = self.l_4 * turning, self.l_5 * rate[0] ** 2, -self.l_3 * rate[1] ** 2
+        bias = solved(
+            fling[0] * outward[0] + fling[1] * cos(three) + fling[2] * cos(four),
+            fling[0] * outward[1] + fling[1] * sin(three) + fling[2] * sin(four),
+        )
+        angles = q[0] + np.array([0.0, turn, three, four])
         return angles, np.array([[1, 0], [1, 1], [1, ratio[0]], [1, ratio[1]]]), np.array([0.0, 0.0, *bias])
+
+    @cached_property
+    def weighted(self) -> np.ndarray:
+        """The coefficients of the points (3, 1, 4), times the roots of their masses."""
+        return np.array([np.sqrt(m) * c for m, c in self.points])[:, None, :]
 
     def equations(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """M (2, 2) and h (2,) of M q'' + h = torques."""
         a, S, s = self.links(q, v)
-        e, n, rate = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)]), S @ v
-        M, h = (S.T * self.inertias) @ S, (S.T * self.inertias) @ s
-        for m, c in self.points:
-            P, g = (n * c) @ S, (n * c) @ s - (e * c) @ rate**2
-            M, h = M + m * P.T @ P, h + m * P.T @ g
-        return M, h
+        cosine, sine = np.cos(a), np.sin(a)
+        e, n = (self.weighted * np.array([cosine, sine])).reshape(6, 4), (self.weighted * np.array([-sine, cosine])).reshape(6, 4)
+        P, g, turning = n @ S, n @ s - e @ (S @ v) ** 2, S.T * self.inertias
+        return turning @ S + P.T @ P, turning @ s + P.T @ g
 
     def energy(self, q: np.ndarray, v: np.ndarray) -> float:
         """Kinetic energy [J]."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 from scipy.optimize import brentq
 
 from .runge_kutta import step
@@ -27,10 +28,14 @@ EVENTS = 100  # in a step: of each coordinate two are seen, and every one of the
 
 @dataclass(frozen=True, kw_only=True)
 class Friction:
-    """Coulomb friction of each coordinate (n,): its force while sliding and the largest one of sticking; 0, 0: none."""
+    """Coulomb friction of each coordinate (n,): its force while sliding and the largest one of sticking; 0, 0: none.
+
+    factor(t, q): what both are multiplied by (n,), not negative; None: 1.
+    """
 
     sliding: np.ndarray
     breakaway: np.ndarray
+    factor: Callable[[float, np.ndarray], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
         if not ((self.sliding >= 0) & (self.breakaway >= self.sliding)).all():
@@ -40,6 +45,13 @@ class Friction:
     def acts(self) -> np.ndarray:
         """Which coordinates (n,) can stick."""
         return self.breakaway > 0
+
+    def levels(self, t: float, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces of sliding and of breakaway (n,) at t in the position q."""
+        if self.factor is None:
+            return self.sliding, self.breakaway
+        factor = self.factor(t, q)
+        return factor * self.sliding, factor * self.breakaway
 
 
 def accelerations(dynamics: Dynamics, friction: Friction, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -78,12 +90,18 @@ def _solve(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """v' (n,), what holds the sticking coordinates (n,), and the diagonal of M (n,)."""
     M, f = dynamics(t, q, v)
-    drive, slides, a = f - friction.sliding * modes, modes != 0, np.zeros(q.size)
+    drive, slides, a = f - friction.levels(t, q)[0] * modes, modes != 0, np.zeros(q.size)
     if slides.all():
-        a = np.linalg.solve(M, drive)
+        a = _accelerated(M, drive)
     elif slides.any():
-        a[slides] = np.linalg.solve(M[np.ix_(slides, slides)], drive[slides])
+        a[slides] = _accelerated(M[slides][:, slides], drive[slides])
     return a, f - M @ a, M.diagonal()
+
+
+def _accelerated(M: np.ndarray, f: np.ndarray) -> np.ndarray:
+    """M^-1 f (n,); numpy's own solve takes longer to look at its arguments than small matrices take."""
+    a: np.ndarray = f / M[0, 0] if f.size == 1 else dgesv(M, f)[2]
+    return a
 
 
 def _choose(dynamics: Dynamics, friction: Friction, t: float, q: np.ndarray, v: np.ndarray, released: dict[int, float]) -> np.ndarray:
@@ -94,13 +112,13 @@ def _choose(dynamics: Dynamics, friction: Friction, t: float, q: np.ndarray, v: 
         modes[i] = s
     if not rest:
         return modes
-    best, least = modes, np.inf
+    best, least, breakaway = modes, np.inf, friction.levels(t, q)[1]
     for trial in product((0.0, 1.0, -1.0), repeat=len(rest)):
         modes = modes.copy()
         modes[rest] = trial
         a, held, inertia = _solve(dynamics, friction, t, q, v, modes)
         wrong = sum(
-            max(0.0, -modes[i] * a[i] * inertia[i]) if modes[i] else max(0.0, abs(held[i]) - friction.breakaway[i]) for i in rest
+            max(0.0, -modes[i] * a[i] * inertia[i]) if modes[i] else max(0.0, abs(held[i]) - breakaway[i]) for i in rest
         )  # N or N m. Where more than one combination has none (breakaway above sliding), bodies at rest stick: that is tried first
         if wrong < least:
             best, least = modes, wrong
@@ -118,18 +136,21 @@ def _to_next_event(
     def rates(now: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate([y[n:], _solve(dynamics, friction, now, y[:n], y[n:], modes)[0]])
 
-    def margins(length: float) -> np.ndarray:
-        """Positive as long as the modes last (n,)."""
-        after = step(rates, t, y, length)
+    def left(after: np.ndarray, length: float) -> np.ndarray:
+        """Positive as long as the modes last (n,), y being `after` once `length` is over."""
         out = np.where(friction.acts, modes * after[n:], 1.0)
         if not modes.all():
             held = _solve(dynamics, friction, t + length, after[:n], after[n:], modes)[1]
-            out = np.where(modes == 0, friction.breakaway - np.abs(held), out)
+            out = np.where(modes == 0, friction.levels(t + length, after[:n])[1] - np.abs(held), out)
         return out
 
-    late = np.flatnonzero(margins(h) < 0)
+    def margins(length: float) -> np.ndarray:
+        return left(step(rates, t, y, length), length)
+
+    after = step(rates, t, y, h)
+    late = np.flatnonzero(left(after, h) < 0)
     if not late.size:
-        return step(rates, t, y, h), h, None
+        return after, h, None
     ends = [(_root(margins, int(i), h, bool(modes[i] and y[n + i] == 0.0)), int(i)) for i in late]
     length, event = min(ends)
     return step(rates, t, y, length), length, event

@@ -121,6 +121,16 @@ class Candidate:
         """How many parameters it brings, less those that it takes the place of."""
         return len({*self.strengths, *self.start}) - len(self.absorbs)
 
+    def neutral(self, name: str) -> float:
+        """The value of a parameter at which there is no effect."""
+        if self.signals:
+            return 0.0
+        if not self.edits:
+            return self.start[name][0] if name in self.start else 0.0
+        owner, _, word = name.partition(".")
+        parts = [e.component for e in self.edits if isinstance(e, Insert) and e.name == owner]
+        return float(parts[0].parameters.get(word, 0.0)) if parts else 0.0
+
     @property
     def key(self) -> tuple[str, str]:
         """Place and physics."""

@@ -7,7 +7,6 @@ and then the proof on what was held out. Everything is judged with trajectories,
 
 from __future__ import annotations
 
-import os
 import pickle
 import time
 from collections import Counter
@@ -51,6 +50,7 @@ RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
 EFFECTS = 4
+SPREAD = 0.3  # standard deviation of a strength over the largest one
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
@@ -59,7 +59,7 @@ UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than t
 def diagnose(
     problem: Problem,
     *,
-    jobs: int | None = None,
+    jobs: int = 1,
     scheduler: str | None = None,
     keep: Path | None = None,
     seed: int = 0,
@@ -67,7 +67,7 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model of a problem leaves out, name it, put it into the model, and prove the gain on what was held out.
 
-    jobs: processes of this machine, by itself as many as it has processors; scheduler: address of a Dask cluster instead. keep: a folder
+    jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder
     where finished fits stay, so that an interrupted diagnosis goes on. seed: of the draws behind the p-values. Raises InputError where the
     problem cannot be smoothed at all, or its model is not made of components.
     """
@@ -76,7 +76,7 @@ def diagnose(
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
-    with workers(jobs or os.cpu_count() or 1, scheduler) as pool:
+    with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
         first = _smoothed(posed, kept, say)
         if not first.solver.converged:
@@ -355,11 +355,15 @@ def _matters(s: Screened, sizes: Sizes) -> bool:
 
 
 def _sound(c: Candidate, f: Fitted) -> bool:
-    """Whether its strengths are told, and not on a bound."""
+    """Whether its strengths are told, to less than SPREAD of the largest."""
     if f.result is None:
         return False
-    names = [*c.strengths] or [*c.start]
-    return any(f.result.parameters[n].std is not None for n in names if n in f.result.parameters)
+    found = [f.result.parameters[n] for n in (c.strengths or tuple(c.start)) if n in f.result.parameters]
+    told = [p for p in found if p.std is not None]
+    if not told:
+        return False
+    largest = max(abs(p.value - c.neutral(p.name)) for p in told)
+    return max(p.std or 0.0 for p in told) < SPREAD * largest
 
 
 def _strengths(c: Candidate, f: Fitted) -> dict[str, Strength]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from backsight.models import Dae, Model
@@ -57,7 +59,14 @@ def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
         found += of_sensor(model, name, others, interval, duration)
-    return found + _fixed(problem, model, dae, solution.parameters)
+    there = {p.name: value for p, value in zip(dae.parameters, solution.parameters.tolist(), strict=True)}
+    return [_absorbing(c, problem, there) for c in found] + _fixed(problem, model, dae, solution.parameters)
+
+
+def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candidate:
+    """The candidate, taking over only what the model has: a strength that is fixed at nothing is none."""
+    own = {n: by for n, by in c.absorbs.items() if isinstance(problem.parameters.get(n), Free) or there.get(n, 0.0) != 0.0}
+    return c if own == c.absorbs else replace(c, absorbs=own)
 
 
 def _masses(values: dict[str, float]) -> dict[str, float]:

@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
 from backsight.models import SolveError
 from backsight.ocp import Options
@@ -36,7 +35,7 @@ from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
 from ..smoothing.smoother import smooth
 from ..supposed import noisy_inputs
-from ..validation.whiteness import effective_samples
+from .blocks import block_gains, chance, mean
 from .verdict import Errors, HeldOut
 from .windows import Starts, ahead
 
@@ -53,8 +52,6 @@ WINDOWS = 100  # of a recording
 VAGUE = 1.2  # times the median deviation of a state: windows do not begin where a smoother knows less of it
 FEWEST = 0.1  # of the rows of a piece: where fewer are left windows begin anywhere
 SHARPER = 1e-3  # a friction law's width in the windows over that of smoothing
-MEMORY = 3.0  # autocorrelation times of a block
-BLOCKS = (3, 30)
 SEEN = 1e-3  # of what other modes do to the outputs
 
 
@@ -237,11 +234,11 @@ def _compared(
         whole = np.array([piece.time[-1] - piece.time[at[:, 0]] > span - half for span in spans])
         used = both[:, None] & within & whole[:, :, None]
         with np.errstate(invalid="ignore"):
-            squares.append(np.array([_mean(np.where(used, e[:, None] ** 2, np.nan)) for e in (a, b)]))
+            squares.append(np.array([mean(np.where(used, e[:, None] ** 2, np.nan)) for e in (a, b)]))
     every = np.concatenate(squares, axis=3)
     if not np.isfinite(every).any():
         raise SolveError("no window of what was held out could be predicted with both models")
-    rms = np.sqrt(_mean(every))
+    rms = np.sqrt(mean(every))
     tables = [
         {
             o.name: Errors(unit=o.unit, windows={span: float(v) for span, v in zip(spans, values, strict=True) if np.isfinite(v)})
@@ -252,7 +249,7 @@ def _compared(
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(rms[1] / rms[0])
     improvement = 100.0 * (1.0 - float(np.exp(np.mean(ratio[np.isfinite(ratio)])))) if np.isfinite(ratio).any() else 0.0
-    gains = [gain for part in squares for gain in block_gains(part, _mean(every))]
+    gains = [gain for part in squares for gain in block_gains(part, mean(every))]
     return HeldOut(
         before=tables[0],
         after=tables[1],
@@ -265,49 +262,7 @@ def _compared(
     )
 
 
-def block_gains(squares: Array, every: Array) -> list[float]:
-    """d_b of every block of a piece: mean over outputs and spans of log(before/after) of the rms there.
-
-    squares (2, outputs, spans, M): mean squares of the windows; every (2, outputs, spans): over all, by whose mean the windows' differences
-    are made comparable before their memory is measured.
-    """
-    M = squares.shape[3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = (squares[0] - squares[1]) / every.mean(axis=0)[:, :, None]
-    series = _mean(relative.reshape(-1, M).T)
-    there = series[np.isfinite(series)]
-    if not len(there):
-        return []
-    memory = len(there) / effective_samples(there - there.mean()) if np.ptp(there) > 0 else 1.0
-    count = int(np.clip(M / (MEMORY * memory), min(BLOCKS[0], M), BLOCKS[1]))
-    gains = []
-    for part in np.array_split(np.arange(M), count):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            own = _mean(squares[..., part])
-            log = 0.5 * np.log(own[0] / own[1])
-        if np.isfinite(log).any():
-            gains.append(float(np.mean(log[np.isfinite(log)])))
-    return gains
-
-
-def chance(gains: Array) -> float:
-    """One-sided p-value of Student's t that the mean of independent gains is not above zero; 1 for fewer than two."""
-    if len(gains) < 2:
-        return 1.0
-    mean, spread = float(np.mean(gains)), float(np.std(gains, ddof=1))
-    if not spread > 1e-12 * max(abs(mean), 1e-300):
-        return 0.5 if mean == 0 else float(mean < 0)
-    return float(stats.t.sf(mean / (spread / np.sqrt(len(gains))), len(gains) - 1))
-
-
 def _forces(before: Smoothing, after: Smoothing) -> dict[str, tuple[float, float, str]]:
     """Place -> rms of the residual force with both models, as smoothing tells it, and its unit."""
     pairs = ((name, first, after.residual_places.get(name)) for name, first in before.residual_places.items())
     return {name: (first.rms, second.rms, first.unit) for name, first, second in pairs if second is not None}
-
-
-def _mean(values: Array) -> Array:
-    """Mean over the last axis of what is there; NaN where nothing is."""
-    there = np.isfinite(values)
-    count = there.sum(axis=-1)
-    return np.where(count > 0, np.where(there, values, 0.0).sum(axis=-1) / np.maximum(count, 1), np.nan)

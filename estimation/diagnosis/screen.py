@@ -28,7 +28,7 @@ BATCH = 256  # columns at a time
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Screened:
     """A candidate at its best shape. gain [nats]; estimate, std (n,) of its strengths; freedom: how many of them the recordings tell."""
 

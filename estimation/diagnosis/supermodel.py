@@ -29,7 +29,7 @@ from .score import Columns, Enlarged, Linearised
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
     """A candidate seen at one shape: parameter -> value, and its columns."""
 

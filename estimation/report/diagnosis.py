@@ -74,17 +74,23 @@ def _where(found: Diagnosis) -> str:
     residuals = _residuals(found)
     if not isinstance(found.repaired.model, Model):
         return residuals
+    model = found.repaired.model
     marks = {place: Mark("", f"residual {quantity(r.rms, r.unit)}") for place, r in found.before.residual_places.items()}
-    rivals = [r.place for f in found.findings for r in f.rivals]
-    for kind, places in (("rival", rivals), ("guilty", [f.explanation.place for f in found.findings])):
+    guilty = list(dict.fromkeys(f.explanation.place for f in found.findings))
+    rivals = [place for place in dict.fromkeys(r.place for f in found.findings for r in f.rivals) if place not in guilty]
+    changed = {part.partition(" = ")[0].strip() for f in found.findings for part in f.change.split(";")}
+    new = [name for name in model.components if name in changed and name not in guilty]
+    for kind, places in (("new", new), ("rival", rivals), ("guilty", guilty)):
         for place in places:
             marks[place] = Mark(kind, marks.get(place, Mark()).text)
-    framed = [f"The bold frame is where the model lacks something: {', '.join(f.explanation.place for f in found.findings)}."]
-    framed = framed if found.findings else ["No place is marked: nothing is missing that these recordings show."]
-    dashed = [f"A dashed one would explain these recordings as well: {', '.join(dict.fromkeys(rivals))}."] if rivals else []
-    caption = f"The model with what was found in it, driven from the left. {' '.join([*framed, *dashed])} "
+    said = [
+        f"The bold frame is where the model lacks something: {', '.join(guilty)}." if guilty else "No place is marked: nothing was found."
+    ]
+    said += [f"A dashed one would explain these recordings as well: {', '.join(rivals)}."] if rivals else []
+    said += [f"Blue is what the repair put in: {', '.join(new)}."] if new else []
+    caption = f"The model{' with what was found in it' if guilty else ''}, driven from the left. {' '.join(said)} "
     caption += "Beneath a place is the rms of the force that the model as declared leaves unexplained there."
-    return drawing(found.repaired.model, marks, caption=caption) + residuals
+    return drawing(model, marks, caption=caption) + residuals
 
 
 def _residuals(found: Diagnosis) -> str:

@@ -58,7 +58,7 @@ def mismatch_scatter(chosen: Sequence[Mismatch], *, label: str) -> Chart | None:
     caption += (
         "is dry friction, a slope viscous friction, a slope over position a spring, a wave over position an eccentric wheel or cogging."
     )
-    if first.force.size > drawn:
+    if first.force.size >= 2 * drawn:
         caption += f" One sample in {round(first.force.size / drawn)} is drawn; the means are taken over all."
     return columns(panels, caption=caption, label=label)
 

@@ -20,18 +20,19 @@ if TYPE_CHECKING:
 __all__ = ["Mark", "drawing"]
 
 WIDTH, HEIGHT, ACROSS, DOWN = 126, 40, 64, 34  # of a box, and between boxes [px]
-MARGIN, SWEEPS, LETTERS = 14, 6, 17
+MARGIN, SWEEPS, LETTERS = 14, 6, 15
 LEAST = 0.6  # of its size, to which a drawing shrinks before it scrolls
 STYLES = {
     "guilty": ("var(--warn)", "2.6", "", "var(--warn)"),
     "rival": ("var(--warn)", "1.6", "5 3", "none"),
+    "new": ("var(--accent)", "2", "", "var(--accent)"),
     "": ("var(--soft)", "1", "", "none"),
 }
 
 
 @dataclass(frozen=True)
 class Mark:
-    """What is said of a place: "guilty" or "rival", or "" for no frame; a line of text beneath its box."""
+    """What is said of a place: "guilty", "rival" or, of what a repair put in, "new", or "" for no frame; a line of text beneath its box."""
 
     kind: str = ""
     text: str = ""
@@ -155,7 +156,7 @@ def _box(node: str, graph: _Graph, at: tuple[float, float], mark: Mark) -> str:
     if node in graph.grounded:
         parts.append(_ground(x + 16, y + HEIGHT))
     if mark.text:
-        parts.append(_text(middle, y + HEIGHT + 15, mark.text, "400", "var(--warn)" if mark.kind else "var(--soft)", 30))
+        parts.append(_text(middle, y + HEIGHT + 15, mark.text, "400", STYLES[mark.kind][0], 30))
     return "".join(parts) + "</g>"
 
 

@@ -1,0 +1,202 @@
+"""Steps of the model for many windows at once, by Radau IIA of three stages (order 5, L-stable; Hairer, Wanner, Solving ODEs II, IV.5).
+
+    0 = F(k_i, x + h sum_j a_ij k_j, z_i, u(t + c_i h), p, w = 0, t + c_i h)         i = 1 .. 3,     x(t + h) = x + h sum_j a_3j k_j
+
+Windows in which a step is too coarse, as where a friction changes its sign, take it in halves, the others do not wait.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from backsight.models import Dae
+from backsight.models.simulation.radau import tableau
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Index = NDArray[np.int64]
+
+STAGES = 3
+TOLERANCE = 1e-5  # error of a step over the size of the state
+SETTLED = 1e-2  # of the tolerance: the last Newton correction
+NEWTON, HALVINGS = 25, 8
+DEEPEST = 12  # halvings of a row's step
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """Steps of M windows: t and h (M,), inputs at both ends (nu, M)."""
+
+    t: Array
+    h: Array
+    first: Array
+    second: Array
+
+    def half(self, which: int) -> Cell:
+        """The first or the second half."""
+        middle = (self.first + self.second) / 2
+        ends = (self.first, middle) if which == 0 else (middle, self.second)
+        return Cell(t=self.t + which * self.h / 2, h=self.h / 2, first=ends[0], second=ends[1])
+
+    def some(self, of: Index) -> Cell:
+        """Of some of the windows."""
+        return Cell(t=self.t[of], h=self.h[of], first=self.first[:, of], second=self.second[:, of])
+
+
+@dataclass
+class Mapped:
+    """A function of one column each, called for many at once; numbers of columns are rounded up, so that few programs are made."""
+
+    function: ca.Function
+    made: dict[int, ca.Function] = field(default_factory=dict)
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        wanted = arguments[0].shape[1]
+        count = 1 << max(0, int(np.ceil(np.log2(max(wanted, 1)))))
+        if count not in self.made:
+            self.made[count] = self.function.map(count)
+        padded = [np.concatenate([a, np.repeat(a[:, :1], count - wanted, axis=1)], axis=1) if wanted else a for a in arguments]
+        function = self.made[count]
+        given = [np.ascontiguousarray(a.T, dtype=np.float64).ravel() for a in padded]
+        out = [np.empty(function.size1_out(i) * function.size2_out(i)) for i in range(function.n_out())]
+        called: Any = function.buffer()
+        buffer, evaluate = called
+        for i, a in enumerate(given):
+            if a.size:
+                buffer.set_arg(i, a.data)
+        for i, a in enumerate(out):
+            if a.size:
+                buffer.set_res(i, a.data)
+        evaluate()
+        return [a.reshape(count, function.size1_out(i)).T[:, :wanted] for i, a in enumerate(out)]
+
+
+class Step:
+    """One step of all windows; size (nx,): of the states, to which errors are relative."""
+
+    def __init__(self, dae: Dae, size: Array) -> None:
+        self.nx, self.nz, self.size = dae.x.shape[0], dae.z.shape[0], size
+        self.c, self.a, _ = tableau(STAGES)
+        nodes = self.c[:-1]  # an embedded rule of the stages before the last, of order 2: cautious, and it needs no rate at the start
+        self.low = np.linalg.solve((nodes[:, None] ** np.arange(STAGES - 1)).T, 1.0 / np.arange(1, STAGES))
+        symbols = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
+        F = dae.undisturbed(dae.residual)
+        parts = [ca.jacobian(F, dae.dx), ca.jacobian(F, dae.x), ca.jacobian(F, dae.z)]
+        self.residual = Mapped(ca.Function("F", symbols, [ca.densify(F)]))
+        self.slopes = Mapped(ca.Function("dF", symbols, [ca.densify(ca.vec(part)) for part in parts]))
+
+    def over(self, x: Array, k: Array, z: Array, cell: Cell, p: Array, depth: int = 0) -> tuple[Array, Array, Array]:
+        """States at the end of the cell with their rates and algebraics; NaN where no solution was found."""
+        K, Z, solved = self._stages(x, k, z, cell, p)
+        b = self.a[-1]
+        end = x + cell.h * np.tensordot(b, K, axes=1)
+        error = np.abs(cell.h * (np.tensordot(b, K, axes=1) - np.tensordot(self.low, K[:-1], axes=1))) / self.size[:, None]
+        good = solved & (error.max(axis=0, initial=0.0) < TOLERANCE)
+        rate, algebraics = K[-1], Z[-1]
+        bad = np.flatnonzero(~good)
+        if len(bad) and depth < DEEPEST:
+            part = x[:, bad], k[:, bad], z[:, bad]
+            for which in (0, 1):
+                part = self.over(*part, cell.some(bad).half(which), p[:, bad], depth + 1)
+            end[:, bad], rate[:, bad], algebraics[:, bad] = part
+        else:
+            end[:, ~solved] = np.nan
+        return end, rate, algebraics
+
+    def at(self, x: Array, k: Array, z: Array, u: Array, p: Array, t: Array) -> tuple[Array, Array]:
+        """Rates and algebraics that belong to states and inputs, from guesses."""
+        cell = Cell(t=t, h=np.zeros(len(t)), first=u, second=u)
+        K, Z, _ = self._newton(x, k[None], z[None], cell, p, np.zeros(1), np.zeros((1, 1)))
+        return K[0], Z[0]
+
+    def _stages(self, x: Array, k: Array, z: Array, cell: Cell, p: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        return self._newton(x, np.stack([k] * STAGES), np.stack([z] * STAGES), cell, p, self.c, self.a)
+
+    def _newton(self, x: Array, K: Array, Z: Array, cell: Cell, p: Array, c: Array, a: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Stage rates (s, nx, M) and algebraics (s, nz, M); corrections are halved while the next one would grow (natural monotonicity).
+
+        Deuflhard, Newton Methods for Nonlinear Problems, section 3.3. Corrections are measured by what they move the states.
+        """
+        system = _Stages(self, x, cell, p, c, a)
+        solved, U, todo = np.zeros(x.shape[1], dtype=bool), np.concatenate([K, Z], axis=1), np.arange(x.shape[1])
+        unit = np.where(cell.h > 0, cell.h, 1.0) / self.size[:, None]
+        for _ in range(NEWTON):
+            if not len(todo):
+                break
+            V, of = U[:, :, todo], todo
+            inverse, usable = _inverses(system.slope(V, of))
+            usable &= np.isfinite(rest := system.rest(V, of)).all(axis=1)
+
+            def correction(rows: Array, inverse: Array = inverse) -> Array:
+                stages = np.einsum("mij,mj->mi", inverse, rows).reshape(len(inverse), len(c), -1)
+                return np.asarray(-stages.transpose(1, 2, 0))
+
+            def length(d: Array, of: Index = of) -> Array:
+                return np.asarray(np.abs(d[:, : self.nx] * unit[:, of]).max(axis=(0, 1), initial=0.0))
+
+            d = correction(rest)
+            before, factor = length(d), np.ones(len(of))
+            for _ in range(HALVINGS):
+                second = correction(system.rest(V + factor * d, of))
+                after = length(second)
+                worse = usable & (after > np.maximum((1.0 - factor / 4.0) * before, SETTLED * TOLERANCE))
+                if not worse.any():
+                    break
+                factor[worse] /= 2.0
+            left = after * np.minimum(after / np.maximum(before, 1e-300), 1.0)  # once that correction is made too: it contracts
+            done = usable & (left < SETTLED * TOLERANCE) & (factor == 1.0)
+            U[:, :, of] = V + factor * d + np.where(done, second, 0.0)
+            solved[of[done]] = True
+            todo = of[usable & ~done]
+        return U[:, : self.nx], U[:, self.nx :], solved
+
+
+class _Stages:
+    """The equations of s stages of M windows in V = [k_i; z_i], (s, nx + nz, M)."""
+
+    def __init__(self, step: Step, x: Array, cell: Cell, p: Array, c: Array, a: Array) -> None:
+        self.step, self.x, self.h, self.p, self.a, self.s = step, x, cell.h, p, a, len(c)
+        self.u = np.stack([cell.first + ci * (cell.second - cell.first) for ci in c])
+        self.t = np.stack([(cell.t + ci * cell.h)[None] for ci in c])
+
+    def rest(self, V: Array, of: Index) -> Array:
+        """F of some windows, stage by stage, (m, s (nx + nz))."""
+        (F,) = self.step.residual(*self._arguments(V, of))
+        return np.asarray(F.reshape(-1, self.s, len(of)).transpose(2, 1, 0).reshape(len(of), -1))
+
+    def slope(self, V: Array, of: Index) -> Array:
+        """Its derivative in V, (m, s (nx + nz), s (nx + nz)): F_k + h a_ij F_x and F_z."""
+        s, nx, nz = self.s, self.step.nx, self.step.nz
+        n = nx + nz
+        parts = zip(self.step.slopes(*self._arguments(V, of)), (nx, nx, nz), strict=True)
+        F_k, F_x, F_z = (m.reshape(width, n, s, len(of)).transpose(3, 2, 1, 0) for m, width in parts)
+        J = np.zeros((len(of), s, n, s, n))
+        for i in range(s):
+            for j in range(s):
+                J[:, i, :, j, :nx] = (self.h[of] * self.a[i, j])[:, None, None] * F_x[:, i]
+            J[:, i, :, i, :nx] += F_k[:, i]
+            J[:, i, :, i, nx:] = F_z[:, i]
+        return J.reshape(len(of), s * n, s * n)
+
+    def _arguments(self, V: Array, of: Index) -> list[Array]:
+        nx = self.step.nx
+        X = self.x[:, of] + self.h[of] * np.tensordot(self.a, V[:, :nx], axes=1)
+        parts = (V[:, :nx], X, V[:, nx:], self.u[:, :, of], np.stack([self.p[:, of]] * self.s), self.t[:, :, of])
+        return [part.swapaxes(0, 1).reshape(part.shape[1], self.s * len(of)) for part in parts]
+
+
+def _inverses(J: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Inverses of many matrices (m, n, n), and which of them have one."""
+    usable = np.asarray(np.isfinite(J).all(axis=(1, 2)), dtype=bool)
+    out = np.zeros_like(J)
+    with np.errstate(all="ignore"):
+        try:
+            out[usable] = np.linalg.inv(J[usable])
+        except np.linalg.LinAlgError:
+            usable &= np.abs(np.linalg.det(np.where(usable[:, None, None], J, np.eye(J.shape[1])))) > 0
+            out[usable] = np.linalg.inv(J[usable])
+    return out, usable
