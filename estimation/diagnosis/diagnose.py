@@ -31,7 +31,7 @@ from .keep import Keep
 from .library import library
 from .mismatch import mismatches
 from .proof import prove
-from .refit import Fitted, begun, fitted, settled
+from .refit import Fitted, begun, evidence, fitted, settled
 from .regimes import Regime, regime
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -162,7 +162,7 @@ class _Search:
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
-        now = self.result.criteria.log_evidence if self.result.criteria and self.result.criteria.log_evidence is not None else -np.inf
+        now = evidence(self.problem, self.result)
         fits = self._fits([(s.candidate, s) for s in _chosen(found, sizes)])
         if not self._explains(fits, now) and max(sizes.left.values(), default=0.0) > FLOOR:
             most = max(sizes.left.values())

@@ -47,10 +47,25 @@ class Fitted:
     @property
     def evidence(self) -> float:
         """Log evidence; -inf where the fit failed."""
-        r = self.result
-        if r is None or not r.solver.converged or r.criteria is None or r.criteria.log_evidence is None:
-            return -np.inf
-        return r.criteria.log_evidence
+        return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result)
+
+
+def evidence(problem: Problem, result: Smoothing) -> float:
+    """Log evidence; -inf where there is none. Of a parameter of which nothing is known beforehand, as much is as one sample tells.
+
+    With p ~ N(p^, n std^2) (unit information: R. E. Kass, L. Wasserman, J. Amer. Statist. Assoc. 90, 1995) for the even spread over its
+    nominal size of `Criteria`, evidences do not hang on units: two names of one effect, in N and in m/s, have the same.
+    """
+    c = result.criteria
+    if not result.solver.converged or c is None or c.log_evidence is None:
+        return -np.inf
+    total = c.log_evidence
+    for info in problem.posed.dae.parameters:
+        found, given = result.parameters.get(info.name), problem.parameters.get(info.name)
+        if isinstance(given, Free) and given.std is None and found is not None and found.std and not found.on_bound:
+            size = abs(info.nominal) or abs(info.value) or 1.0
+            total += float(np.log(size / found.std) - 0.5 * np.log(2.0 * np.pi * c.samples))
+    return total
 
 
 def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[str, float]) -> tuple[Problem, Model]:
