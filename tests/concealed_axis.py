@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def run(duration: float, step: float = 1e-3, seed: int = 1, force: Force | None 
     return machine.record(machine.Carriage(**{"f_c": 0.0, "f_0": 0.0, **carriage}), seed=seed, conditions=conditions, force=force)
 
 
-def posed(made: Run, weights: Weights | None = None, **parameters: Free | float) -> Problem:
+def posed(made: Run, *, W: Mapping[str, float] = MappingProxyType({"carriage": LEFT}), **parameters: Free | float) -> Problem:
     """Mass and viscous friction are free; no Coulomb friction, no offset. parameters: with __ for the dot."""
     recording = Recording(name="axis", time=made.time, inputs=made.inputs, outputs=made.outputs, output_std={"x": NOISE})
     known = {"carriage.m": Free(90.0), "friction.d": Free(190.0), "friction.f_c": 0.0, "offset.f": 0.0}
@@ -34,7 +35,7 @@ def posed(made: Run, weights: Weights | None = None, **parameters: Free | float)
         model=actuator(),
         recordings=[recording],
         parameters={**known, **{name.replace("__", "."): value for name, value in parameters.items()}},
-        weights=weights or Weights(W={"carriage": LEFT}),
+        weights=Weights(W=W),
     )
 
 

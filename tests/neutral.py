@@ -28,7 +28,8 @@ class Point:
         assert len(dae.algebraics) == len(self.dae.algebraics)
         found = _function(dae)(self.dx, self.x, self.z, self.u, dae.parameter_values(values), self.w, self.t)
         residual, output = (np.asarray(part).ravel() for part in found)
-        return residual, output
+        rows = [(e.component, e.name) for e in dae.equations]  # a model with more in it may have them in another order
+        return residual[[rows.index((e.component, e.name)) for e in self.dae.equations]], output
 
 
 @cache

@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from backsight.models import Model
 from backsight.models.mechanics import planar, spatial
+from backsight.models.mechanics.spatial.rotation import Vector, velocities
 
 from .candidates import Candidate, Exchange, Insert
 
 FORCES = ("f_x", "f_y", "f_z")
+
+
+class LinearDrag(spatial.LinearDrag):
+    """In air that rests: no heading is needed to tell it, which no sensor of the body may show."""
+
+    def air_velocity(self, c: Any) -> Vector:
+        """Velocity of the body, in its axes."""
+        return velocities(c.frame)[0]
+
+
+class QuadraticDrag(spatial.QuadraticDrag):
+    """In air that rests."""
+
+    def air_velocity(self, c: Any) -> Vector:
+        """Velocity of the body, in its axes."""
+        return velocities(c.frame)[0]
 
 
 def of_frames(model: Model) -> list[Candidate]:
@@ -47,7 +66,7 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             place=body,
             family="fluid",
             physics="linear_drag",
-            edits=(Insert(place=body, component=spatial.LinearDrag(), name=drag),),
+            edits=(Insert(place=body, component=LinearDrag(), name=drag),),
             strengths=(f"{drag}.d",),
             one_sided=True,
             named={"d": f"{drag}.d"},
@@ -56,7 +75,7 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             place=body,
             family="fluid",
             physics="quadratic_drag",
-            edits=(Insert(place=body, component=spatial.QuadraticDrag(), name=square),),
+            edits=(Insert(place=body, component=QuadraticDrag(), name=square),),
             strengths=(f"{square}.c",),
             one_sided=True,
             named={"c": f"{square}.c"},

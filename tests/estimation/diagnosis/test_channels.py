@@ -1,4 +1,4 @@
-"""Lags and delays against SciPy and against shifts; faults that have no effect while their strength has none."""
+"""Lags and delays of signals against SciPy's integrator and against shifts; faults without strength, and with it."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ from neutral import Point
 from backsight.estimation.diagnosis.frames import of_frames
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS, quadrotor, xy_table
+from backsight.models.quadratures import without_ignorable
 
 
 def by_name(model) -> dict:
@@ -112,3 +113,12 @@ def test_a_tilted_plane_pulls_along_its_direction():
 @pytest.mark.parametrize("plant", ["actuator", "drillstring"])
 def test_machines_without_frames_have_none(plant):
     assert of_frames(PLANTS[plant]()) == []
+
+
+def test_drag_in_still_air_needs_no_heading_that_nothing_shows():
+    model = quadrotor()
+    own = [q.name for q in without_ignorable(compile_model(model)).states]
+    assert "body.psi" not in own
+    for physics in ("linear_drag", "quadratic_drag", "constant_force", "coupling"):
+        dae = without_ignorable(compile_model(by_name(model)["body", physics].edited(model)))
+        assert [q.name for q in dae.states] == own, physics

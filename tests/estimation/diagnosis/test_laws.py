@@ -1,4 +1,4 @@
-"""The laws of the library: nothing without strength, with it the formulas of the textbooks, linear in their strengths."""
+"""The laws of the library: without strength they are not there, with it they are what textbooks say, linear in their strengths."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from concealed_axis import LEFT, posed, run
+from concealed_axis import posed, run
 from scipy.linalg import null_space
 
 from backsight.data.generators import five_bar
@@ -152,7 +152,7 @@ def test_scores_are_those_of_dense_least_squares_where_equations_hold_exactly():
 @pytest.mark.parametrize(("physics", "of", "near"), [("constant_force", "offset.f", 0.02), ("coulomb_friction", "friction.f_c", 0.25)])
 def test_a_small_concealed_effect_is_predicted_as_a_full_fit_finds_it(physics, of, near):
     made = run(1.0, **{"f_0" if of == "offset.f" else "f_c": 0.5})
-    problem = posed(made, Weights(W={"carriage": LEFT}))
+    problem = posed(made)
     solution = smooth(problem).solution
     (spot,) = bodies(problem.model)
     law = next(law for law in AGAINST_GROUND if law.physics == physics)

@@ -1,0 +1,159 @@
+"""The whole search on machines of which one thing was concealed, made by a simulator that shares nothing with this project's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from concealed_axis import NOISE, posed, run
+
+from backsight.data.generators.actuator import CONDITIONS, SERVO, Carriage, record
+from backsight.estimation import Problem
+from backsight.estimation.diagnosis import Diagnosis, diagnose
+from backsight.models import compile_model
+from backsight.models.errors import InputError
+
+STEP = 2e-3
+
+
+def case(duration: float = 2.0, seed: int = 1, **carriage: float) -> Problem:
+    return posed(run(duration, STEP, seed, **carriage), W={})
+
+
+def answer(d: Diagnosis) -> tuple:
+    """All that is found, to the digits that another order of the same sums leaves."""
+
+    def number(value: float | None) -> str:
+        return f"{value:.6g}" if value is not None else ""
+
+    found = [
+        (f.explanation.words, *(f"{k}: {number(s.value)} {number(s.std)}" for k, s in f.explanation.parameters.items()), f.change, f.regime)
+        for f in d.findings
+    ]
+    return d.verdict, tuple(found), tuple((t.explanation.words, number(t.fitted)) for t in d.tried)
+
+
+@cache
+def friction() -> Diagnosis:
+    return diagnose(case(f_c=20.0), jobs=1)
+
+
+@cache
+def clean() -> Diagnosis:
+    return diagnose(case(), jobs=1)
+
+
+def test_concealed_coulomb_friction_is_named_placed_and_measured():
+    d = friction()
+    assert d.verdict == "missing_physics"
+    found = d.findings[0]
+    assert (found.explanation.place, found.explanation.physics) == ("carriage", "coulomb_friction")
+    f_c = found.explanation.parameters["f_c"]
+    assert f_c.unit == "N"
+    assert f_c.value == pytest.approx(20.0, rel=0.02)
+    assert abs(f_c.value - 20.0) < 3.5 * f_c.std
+    assert found.p_value < 0.01
+    assert found.gain > 50
+    assert found.onset is None
+    made = run(2.0, STEP, f_c=20.0)
+    force = np.sqrt(np.mean(made.inputs["F"] ** 2))
+    assert found.share == pytest.approx(20.0 / force, rel=0.4)
+    assert "Friction() at carriage.flange" in found.change
+
+
+def test_the_repaired_model_has_the_parameters_of_the_machine_and_predicts_what_was_held_out():
+    d = friction()
+    assert d.after.parameters["carriage.m"].value == pytest.approx(95.109, rel=5e-3)
+    assert d.after.parameters["friction.d"].value == pytest.approx(203.5, rel=0.03)
+    assert abs(d.before.parameters["friction.d"].value - 203.5) > 5 * abs(d.after.parameters["friction.d"].value - 203.5)
+    assert d.held_out is not None
+    assert d.held_out.improvement_percent > 50
+    assert d.held_out.role == "last third"
+    assert any("last third" in note for note in d.notes)
+    assert len(d.repaired.model.components) == len(case(0.1).model.components) + 1
+    assert {m.recording for m in d.mismatch} == {"axis"}
+    assert len(d.mismatch) == 2
+
+
+def test_a_machine_that_lacks_nothing_is_told_so_with_what_could_not_have_been_seen():
+    d = clean()
+    assert d.verdict == "none"
+    assert d.findings == ()
+    assert d.held_out is None
+    floors = {(u.place, u.physics): u.strength for u in d.undetectable}
+    assert {("carriage", "coulomb_friction"), ("carriage", "cogging"), ("input:F", "input_offset")} <= set(floors)
+    assert all(np.isfinite(s) and s > 0 for s in floors.values())
+    assert floors["carriage", "coulomb_friction"] < 5.0
+    assert compile_model(d.repaired.model).name == "actuator"
+
+
+def test_friction_of_twice_the_floor_is_seen():
+    least = {(u.place, u.physics): u.strength for u in clean().undetectable}["carriage", "coulomb_friction"]
+    d = diagnose(case(f_c=2.0 * least), jobs=1)
+    assert d.verdict != "none"
+    named = {(f.explanation.place, f.explanation.family) for f in d.findings}
+    assert ("carriage", "friction") in named
+
+
+def test_a_mass_that_was_given_wrong_is_a_parameter():
+    d = diagnose(posed(run(2.0, STEP), W={}, carriage__m=0.85 * 95.109), jobs=1)
+    assert d.verdict == "parameter"
+    found = d.findings[0].explanation
+    assert (found.place, found.physics) == ("carriage", "wrong_parameter")
+    assert found.parameters["carriage.m"].value == pytest.approx(95.109, rel=5e-3)
+    assert {(r.place, r.physics) for r in d.findings[0].rivals} >= {("carriage", "added_mass")}
+
+
+def test_an_amplifier_that_cuts_off_is_the_input():
+    servo = replace(SERVO, limit=170.0)
+    made = record(Carriage(f_c=0.0, f_0=0.0), seed=1, conditions=replace(CONDITIONS, duration=2.0, step=STEP), servo=servo)
+    acted = made.inputs["F"]
+    over = np.abs(acted) > 169.9
+    assert 0.02 < np.mean(over) < 0.5
+    asked = np.where(over, np.sign(acted) * (170.0 + 90.0 * np.abs(np.sin(40.0 * made.time))), acted)
+    d = diagnose(posed(replace(made, inputs={"F": asked}), W={}), jobs=1)
+    assert d.verdict == "input"
+    found = d.findings[0].explanation
+    assert (found.place, found.physics) == ("input:F", "input_saturation")
+    limit = found.parameters["limit"]
+    assert limit.value == pytest.approx(170.0, rel=0.02)
+
+
+def test_an_encoder_that_lags_is_the_sensor():
+    made = run(2.0, STEP)
+    x, a = made.truth["carriage.s"], float(np.exp(-STEP / 0.008))
+    read = np.empty_like(x)
+    read[0] = x[0]
+    for k in range(1, len(x)):  # of a reading that is straight between its rows, to second order
+        read[k] = a * read[k - 1] + (1 - a) * (x[k] + x[k - 1]) / 2
+    noise = NOISE * np.random.default_rng(0).standard_normal(len(x))
+    d = diagnose(posed(replace(made, outputs={"x": read + noise}), W={}), jobs=1)
+    named = {(f.place, f.physics) for one in d.findings[:1] for f in (one.explanation, *one.rivals)}
+    assert d.verdict in ("sensor", "input", "undecided")  # a lag of the sensor is one of the input where friction is viscous
+    assert named & {("sensor:x", "sensor_lag"), ("sensor:x", "sensor_delay"), ("input:F", "input_lag"), ("input:F", "input_delay")}
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_answer_with_one_process_and_with_two():
+    problem = case(1.5, f_c=20.0)
+    once, again, side_by_side = (answer(diagnose(problem, jobs=jobs, seed=3)) for jobs in (1, 1, 2))
+    assert once == again
+    assert once == side_by_side
+
+
+@pytest.mark.slow
+def test_a_diagnosis_that_was_kept_is_the_same_when_it_goes_on(tmp_path):
+    problem = case(1.5, f_c=20.0)
+    first = diagnose(problem, jobs=1, keep=tmp_path)
+    assert list(tmp_path.glob("*.part"))
+    again = diagnose(problem, jobs=1, keep=tmp_path)
+    assert answer(first) == answer(again)
+    assert again.seconds < first.seconds
+
+
+def test_a_compiled_model_has_no_places_and_is_refused_in_words():
+    problem = case(0.2)
+    with pytest.raises(InputError, match=r"compiled Dae, which has no places.*give the Model itself"):
+        diagnose(replace(problem, model=compile_model(problem.model)), jobs=1)

@@ -1,0 +1,70 @@
+"""The library of a problem: every rival is in it, under names that exist, and nothing that the study itself frees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from concealed_axis import posed, run, smoothed
+
+from backsight.estimation import Free, smooth
+from backsight.estimation.diagnosis.library import library
+from backsight.models import compile_model
+
+
+@pytest.fixture(scope="module")
+def axis() -> tuple:
+    problem, result, _ = smoothed(0.5)
+    return problem, result, library(problem, problem.model, result)
+
+
+def test_every_fault_and_law_that_an_axis_can_have_is_there(axis):
+    *_, found = axis
+    there = {c.key for c in found}
+    laws = ["viscous", "coulomb", "stribeck", "logarithmic", "asymmetric", "position_dependent"]
+    expected = {("carriage", f"{w}_friction") for w in laws}
+    expected |= {("carriage", w) for w in ("cogging", "spring", "cubic_spring", "quadratic_drag", "constant_force", "added_mass")}
+    expected |= {("input:F", f"input_{w}") for w in ("gain", "offset", "lag", "delay", "saturation", "dead_zone")}
+    expected |= {("sensor:x", f"sensor_{w}") for w in ("gain", "bias", "drift", "lag", "delay")}
+    expected |= {("screw", "compliance"), ("screw", "backlash")}
+    assert expected <= there
+
+
+def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
+    made = run(0.3)
+    for given, suspects in ((Free(90.0), set()), (90.0, {"carriage.m"})):
+        problem = posed(made, carriage__m=given)
+        found = library(problem, problem.model, smooth(problem))
+        wrong = {name for c in found if c.physics == "wrong_parameter" for name in c.strengths}
+        assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
+
+
+def test_names_in_candidates_are_parameters_of_the_edited_model(axis):
+    problem, _, found = axis
+    for c in found:
+        names = {p.name for p in compile_model(c.edited(problem.model)).parameters}
+        for used in (c.strengths, c.start, c.shapes, c.named.values(), c.kept, [c.quadrature] if c.quadrature else []):
+            assert set(used) <= names, c.title
+
+
+def test_shapes_hang_on_the_motion_that_was_recorded(axis):
+    *_, found = axis
+    made = run(0.5)
+    by = {c.key: c for c in found}
+    (velocities,) = by["carriage", "stribeck_friction"].shapes.values()
+    assert velocities[-1] == pytest.approx(np.sqrt(np.mean(made.truth["carriage.v"] ** 2)), rel=0.02)
+    (periods,) = by["carriage", "cogging"].shapes.values()
+    assert max(periods) == pytest.approx(np.ptp(made.truth["carriage.s"]), rel=0.01)
+
+
+def test_a_candidate_says_what_it_is(axis):
+    *_, found = axis
+    by = {c.key: c for c in found}
+    gain, coulomb, compliance = by["input:F", "input_gain"], by["carriage", "coulomb_friction"], by["screw", "compliance"]
+    assert coulomb.title == "coulomb friction at carriage"
+    assert [edit.words for edit in coulomb.edits] == ["coulomb_friction_carriage = Friction() at carriage.flange"]
+    assert gain.rank < coulomb.rank
+    assert by["sensor:x", "sensor_gain"].rank < gain.rank
+    assert coulomb.size == 1
+    assert by["carriage", "cogging"].size == 3
+    assert compliance.dear
+    assert by["input:F", "input_lag"].sent.signals == ()

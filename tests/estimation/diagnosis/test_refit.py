@@ -1,0 +1,133 @@
+"""Candidates as full problems: what is free in them, where they start, and what their fits find."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from concealed_axis import posed, run
+
+from backsight.estimation import Free, smooth
+from backsight.estimation.diagnosis import refit
+from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.places import bodies
+from backsight.estimation.diagnosis.refit import Fitted, begun, fitted, settled
+from backsight.estimation.diagnosis.score import Columns
+from backsight.estimation.diagnosis.screen import Screened
+from backsight.estimation.diagnosis.supermodel import Look
+from backsight.models.plants import actuator
+
+MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05, force=40.0, interval=1e-3)
+
+
+def law(name: str) -> Candidate:
+    model = actuator()
+    (spot,) = bodies(model)
+    return of_law(next(one for one in AGAINST_GROUND if (one.label or one.physics) == name), model, spot, MOTION)
+
+
+def screened(c: Candidate, estimate: list[float], shape: dict[str, float] | None = None) -> Screened:
+    nothing = Columns(squares=np.zeros((0, len(estimate))), multiplied=np.zeros((0, len(estimate))))
+    a = np.array(estimate)
+    return Screened(look=Look(candidate=c, shape=shape or {}, columns=nothing), gain=9.0, estimate=a, std=np.ones(len(a)), freedom=len(a))
+
+
+@pytest.fixture(scope="module")
+def lacking() -> tuple:
+    """Coulomb friction that the model does not have."""
+    problem = posed(run(1.0, 2e-3, f_c=20.0), W={"carriage": 0.5})
+    return problem, smooth(problem)
+
+
+def test_the_problem_of_a_candidate_has_its_parameters_free_within_their_ranges():
+    problem = posed(run(0.1))
+    c = law("stribeck_friction")
+    now, edited = refit.posed(problem, problem.model, c, {"stribeck_friction_carriage.f_c": -3.0})
+    name = "stribeck_friction_carriage"
+    assert name in edited.components
+    assert name not in problem.model.components
+    assert now.parameters[f"{name}.f_c"] == Free(0.0, 0.0, np.inf)  # physics does not let it be negative
+    assert isinstance(now.parameters[f"{name}.f_s"], Free)
+    assert isinstance(now.parameters[f"{name}.v_s"], Free)
+    assert now.parameters["friction.f_c"] == 0.0  # its part is taken over
+    assert now.parameters["carriage.m"] == problem.parameters["carriage.m"]
+
+
+def test_what_a_candidate_keeps_is_fixed():
+    problem = posed(run(0.1))
+    c = replace(law("cogging"), kept={"cogging_carriage.period": 0.01})
+    now, _ = refit.posed(problem, problem.model, c, {})
+    assert now.parameters["cogging_carriage.period"] == 0.01
+    assert isinstance(now.parameters["cogging_carriage.amplitude"], Free)
+
+
+def test_two_quadratures_are_an_amplitude_and_a_phase():
+    c = law("cogging")
+    start = begun(c, screened(c, [3.0, 4.0], {"cogging_carriage.period": 0.01}), {})
+    amplitude, phase = start["cogging_carriage.amplitude"], start["cogging_carriage.phase"]
+    assert amplitude == pytest.approx(5.0)
+    s = np.linspace(0, 1, 7)
+    assert amplitude * np.sin(s + phase) == pytest.approx(3.0 * np.sin(s) + 4.0 * np.cos(s))
+    assert start["cogging_carriage.period"] == 0.01
+
+
+def test_friction_that_waves_starts_at_the_level_that_is_there():
+    c = law("position_dependent_friction")
+    name = "position_dependent_friction_carriage"
+    start = begun(c, screened(c, [3.0, 4.0], {f"{name}.period": 0.02}), {"friction.f_c": 20.0})
+    assert (start[f"{name}.f_c"], start[f"{name}.amplitude"]) == (20.0, pytest.approx(0.25))
+
+
+def test_a_law_that_takes_over_starts_with_what_it_takes_over():
+    c = law("asymmetric_friction")
+    start = begun(c, screened(c, [3.0, -4.0]), {"friction.d": 200.0})
+    assert list(start.values()) == [203.0, 196.0]
+
+
+def test_a_start_without_a_score_is_the_guess_and_a_signal_brings_its_own():
+    c = law("stribeck_friction")
+    assert begun(c, None, {}) == {name: guess for name, (guess, _, _) in c.start.items()}
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "stribeck_friction"])
+def test_a_fit_finds_what_was_concealed(lacking, name):
+    problem, result = lacking
+    c = law(name)
+    found = fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}))
+    assert not found.failed
+    f_c = found.result.parameters[f"{name}_carriage.f_c"]
+    assert f_c.value == pytest.approx(20.0, abs=max(3.5 * f_c.std, 0.6))
+    assert found.evidence > result.criteria.log_evidence + 50
+    away = pickle.loads(pickle.dumps(found))
+    assert away.whole.solution is not None
+    assert away.whole.parameters[f"{name}_carriage.f_c"].value == f_c.value
+
+
+def test_what_is_not_there_explains_next_to_nothing(lacking):
+    problem, _ = lacking
+    known = replace(problem, parameters={**problem.parameters, "friction.f_c": Free(20.0, min=0.0)})
+    full, c = smooth(known), law("cubic_spring")
+    more = fitted(known, problem.model, full.solution, c, begun(c, None, {}))
+    assert abs(more.result.criteria.log_likelihood - full.criteria.log_likelihood) < 3
+    k3 = more.result.parameters["cubic_spring_carriage.k3"]
+    assert abs(k3.value) < 3 * k3.std
+
+
+def test_what_is_settled_starts_where_the_last_fit_ended(lacking):
+    problem, result = lacking
+    now = settled(problem, result)
+    assert now.parameters["carriage.m"].guess == result.parameters["carriage.m"].value
+    assert now.parameters["friction.f_c"] == 0.0
+
+
+def test_a_fit_that_cannot_be_posed_says_why():
+    problem = posed(run(0.1))
+    c = replace(law("coulomb_friction"), kept={"coulomb_friction_carriage.f_c": -1.0})
+    found = fitted(problem, problem.model, None, c, {})
+    assert "outside its physical range" in found.failed
+    assert found.evidence == -np.inf
+    assert found.whole is None
+    assert Fitted(candidate=c).evidence == -np.inf

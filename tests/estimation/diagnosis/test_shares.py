@@ -1,0 +1,89 @@
+"""Sizes of effects against the forces of the simulator that made the record, and the strengths that would have been seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from concealed_axis import posed, run, smoothed
+
+from backsight.estimation import smooth
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.score import Linearised
+from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.shares import CERTAIN, FLOOR, SURE, Sizes, limits
+from backsight.estimation.diagnosis.supermodel import looked_at
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@pytest.fixture(scope="module")
+def axis() -> tuple:
+    problem, result, base = smoothed(1.5, 2e-3)
+    made = run(1.5, 2e-3)
+    looks = looked_at(problem, problem.model, base, library(problem, problem.model, result))
+    return made, Sizes(problem, result), looks, screen(base, looks)
+
+
+def test_the_force_at_a_place_is_its_largest_term(axis):
+    made, sizes, *_ = axis
+    v = made.truth["carriage.v"]
+    terms = [rms(made.inputs["F"]), 203.5 * rms(v), 95.109 * rms(np.gradient(v, made.time))]
+    assert sizes.forces == {"carriage": pytest.approx(max(terms), rel=0.05)}
+
+
+@pytest.mark.parametrize(("physics", "of"), [("quadratic_drag", lambda _, v: v * np.abs(v)), ("cubic_spring", lambda x, _: x**3)])
+def test_the_share_of_an_effect_is_its_rms_force_over_that(axis, physics, of):
+    made, sizes, looks, _ = axis
+    look = next(look for look in looks if look.candidate.key == ("carriage", physics))
+    force = of(made.truth["carriage.s"], made.truth["carriage.v"])
+    assert sizes.shares(look, np.array([7.0])) == {"carriage": pytest.approx(7.0 * rms(force) / sizes.forces["carriage"], rel=0.03)}
+
+
+def test_a_sensor_fault_is_no_force(axis):
+    _, sizes, looks, _ = axis
+    bias = next(look for look in looks if look.candidate.physics == "sensor_bias")
+    assert sizes.shares(bias, np.array([1.0])) == {"carriage": pytest.approx(0.0, abs=1e-9)}
+
+
+def test_little_is_left_over_of_a_model_that_lacks_nothing_and_what_lacks_is(axis):
+    _, sizes, *_ = axis
+    assert sizes.left["carriage"] < FLOOR
+    made = run(1.5, 2e-3, f_c=20.0)
+    problem = posed(made, W={"carriage": 0.5})
+    lacking = Sizes(problem, smooth(problem))
+    friction = rms(20.0 * np.sign(made.truth["carriage.v"]))
+    assert 0.2 * friction < lacking.left["carriage"] * lacking.forces["carriage"] < 1.2 * friction
+
+
+def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
+    _, sizes, _, found = axis
+    least = max(np.sqrt(2 * found.needed(SURE)), CERTAIN)
+    out = {(u.place, u.physics): u for u in limits(found, sizes, {"quadratic_drag_carriage.c": "N.s2/m2"}, {("carriage", "cogging")})}
+    assert ("carriage", "cogging") not in out  # it was found
+    assert ("input:F", "input_lag") not in out
+    assert all(np.isfinite(u.strength) and u.strength > 0 for u in out.values())
+    s = next(s for s in found.found if s.candidate.key == ("carriage", "quadratic_drag"))
+    one = sizes.shares(s.look, np.ones(1))["carriage"]
+    drag = out["carriage", "quadratic_drag"]
+    assert drag.strength == pytest.approx(max(least * s.std[0], FLOOR / one))
+    assert (drag.parameter, drag.unit) == ("c", "N.s2/m2")
+    bias = out["sensor:x", "sensor_drift"]
+    (rate,) = (s.std for s in found.found if s.candidate.physics == "sensor_drift")
+    assert bias.strength == pytest.approx(least * rate[0])
+
+
+def test_an_effect_at_its_limit_is_seen_and_one_at_a_tenth_of_it_is_not(axis):
+    _, sizes, _, found = axis
+    drag = next(u for u in limits(found, sizes, {}, set()) if u.physics == "quadratic_drag")
+    gains = []
+    for strength in (0.1 * drag.strength, 2.0 * drag.strength):
+        made = run(1.5, 2e-3, force=lambda _t, _q, v, c=strength: -c * v * np.abs(v))
+        problem = posed(made)
+        result = smooth(problem)
+        c = [c for c in library(problem, problem.model, result) if c.key == ("carriage", "quadratic_drag")]
+        base = Linearised(result.solution)
+        gains.append(screen(base, looked_at(problem, problem.model, base, c)).found[0].gain)
+    needed = found.needed(SURE)
+    assert gains[0] < needed < gains[1]

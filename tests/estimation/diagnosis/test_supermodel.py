@@ -1,0 +1,134 @@
+"""All candidates in one model: each looks as it does alone, waves as their component, and signals as the block that does the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from concealed_axis import smoothed
+
+from backsight.estimation.diagnosis.candidates import Candidate, Exchange, Signal
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.score import Columns
+from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.models.mechanics import translational
+from backsight.models.plants import actuator
+
+
+@pytest.fixture(scope="module")
+def axis() -> tuple:
+    problem, result, base = smoothed(0.5)
+    candidates = library(problem, problem.model, result)
+    return problem, base, candidates, looked_at(problem, problem.model, base, candidates)
+
+
+def same(a: Columns, b: Columns, rel: float = 1e-7) -> None:
+    for mine, other in ((a.squares, b.squares), (a.multiplied, b.multiplied)):
+        assert mine == pytest.approx(other, rel=rel, abs=rel * max(1e-12, float(np.abs(other).max(initial=0.0))))
+
+
+def of(looks, physics: str) -> list:
+    return [look for look in looks if look.candidate.physics == physics]
+
+
+def test_every_candidate_that_has_a_score_is_looked_at_at_all_its_shapes(axis):
+    _, _, candidates, looks = axis
+    for c in candidates:
+        if c.dear:
+            assert not [look for look in looks if look.candidate is c]
+            continue
+        count = len(c.signals) or max((len(grid) for grid in c.shapes.values()), default=1)
+        mine = [look for look in looks if look.candidate is c]
+        assert len(mine) == count, c.title
+        assert all(len(look.columns) == (1 if c.signals else len(c.strengths) * (2 if c.quadrature else 1)) for look in mine)
+
+
+@pytest.mark.parametrize("physics", ["coulomb_friction", "stribeck_friction", "asymmetric_friction", "cubic_spring", "input_gain"])
+def test_a_candidate_among_the_others_looks_as_it_does_alone(axis, physics):
+    problem, base, candidates, looks = axis
+    for c in (c for c in candidates if c.physics == physics):
+        alone = looked_at(problem, problem.model, base, [c])
+        for a, b in zip(alone, [look for look in looks if look.candidate is c], strict=True):
+            assert a.shape == b.shape
+            same(a.columns, b.columns)
+
+
+def test_waves_are_those_of_the_component_that_waves(axis):
+    """cogging, sin(2 pi s/period + phase), compiled with its period, against a constant force times sines of the position."""
+    problem, base, candidates, looks = axis
+    (c,) = (c for c in candidates if c.physics == "cogging")
+    grid = {name: values[::13] for name, values in c.shapes.items()}
+    plain = looked_at(problem, problem.model, base, [replace(c, shapes=grid)])
+    for look in plain:
+        (waved,) = (w for w in of(looks, "cogging") if w.shape == look.shape)
+        same(waved.columns, look.columns, rel=1e-5)
+
+
+def test_friction_that_waves_spans_what_its_component_does_with_the_friction_beside_it(axis):
+    problem, base, candidates, looks = axis
+    (c,) = (c for c in candidates if c.physics == "position_dependent_friction")
+    coulomb = next(look for look in of(looks, "coulomb_friction") if look.candidate.place == "carriage")
+    grid = {name: values[3:4] for name, values in c.shapes.items()}
+    (look,) = looked_at(problem, problem.model, base, [replace(c, shapes=grid)])
+    (waved,) = (w for w in of(looks, "position_dependent_friction") if w.shape == look.shape)
+    # f_c (1 + sin(..)) sgn(v): less the friction that does not wave, it is the wave
+    plain = coulomb.columns
+    less = Columns(squares=look.columns.squares - plain.squares, multiplied=look.columns.multiplied - plain.multiplied)
+    same(waved.columns, less, rel=1e-5)
+
+
+def test_an_input_that_is_twice_what_it_was_is_a_gain(axis):
+    problem, base, _, looks = axis
+    twice = Candidate(place="input:F", family="actuator", physics="x", signals=(Signal(of="input:F", changed=lambda _, u: 2 * u),))
+    (look,) = looked_at(problem, problem.model, base, [twice])
+    (right,) = of(looks, "input_gain")
+    same(look.columns, right.columns, rel=1e-6)
+    more = Candidate(place="input:F", family="actuator", physics="x", signals=(Signal(of="input:F", changed=lambda _, u: u + 1.0),))
+    (look,) = looked_at(problem, problem.model, base, [more])
+    (right,) = of(looks, "input_offset")
+    same(look.columns, right.columns, rel=1e-6)
+
+
+def test_a_reading_that_is_off_by_one_is_a_bias_and_one_that_grows_drifts(axis):
+    problem, base, _, looks = axis
+    for physics, changed in (
+        ("sensor_bias", lambda _, y: y + 1.0),
+        ("sensor_gain", lambda _, y: 2 * y),
+        ("sensor_drift", lambda t, y: y + t),
+    ):
+        c = Candidate(place="sensor:x", family="sensor", physics="x", signals=(Signal(of="sensor:x", changed=changed),))
+        (look,) = looked_at(problem, problem.model, base, [c])
+        (right,) = of(looks, physics)
+        same(look.columns, right.columns, rel=1e-4)
+
+
+def test_a_fixed_parameter_is_looked_at_as_the_law_that_it_belongs_to(axis):
+    problem, base, _, looks = axis
+    c = Candidate(place="offset", family="parameter", physics="wrong_parameter", strengths=("offset.f",))
+    (look,) = looked_at(problem, problem.model, base, [c])
+    (right,) = of(looks, "constant_force")
+    same(look.columns, right.columns)
+
+
+def test_what_cannot_be_in_the_model_or_has_states_is_left_out_and_the_others_are_not(axis):
+    problem, base, candidates, _ = axis
+    good = next(c for c in candidates if c.key == ("carriage", "coulomb_friction"))
+    soft = Candidate(
+        place="screw",
+        family="transmission",
+        physics="compliance",
+        edits=(Exchange(name="friction", component=translational.DahlFriction()),),
+        strengths=("friction.d",),
+    )
+    wrong = Candidate(
+        place="no",
+        family="friction",
+        physics="x",
+        edits=(Exchange(name="nothing", component=translational.Spring()),),
+        strengths=("nothing.k",),
+    )
+    looks = looked_at(problem, problem.model, base, [soft, wrong, good])
+    assert [look.candidate for look in looks] == [good]
+    assert looked_at(problem, problem.model, base, [wrong]) == []
+    assert actuator().components.keys() == problem.model.components.keys()
