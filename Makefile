@@ -1,4 +1,5 @@
-# make demo    the built-in study, end to end; its report is demo_out/report.html
+# make demo    the built-in study, end to end: what does its model leave out? Its report is demo_out/report.html
+# make prove   concealed cases of all plants, diagnosed blind, and the scorecard (hours; prove_out/ keeps what is done)
 # make test    lint, types, tests with coverage, then the tests again on the built wheel
 # make lint | types | unit | wheel | bench | lock | clean
 #
@@ -18,7 +19,7 @@ CANDIDATES := python3.13 python3.12 python3.11 python3.14 python3 python
 PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	if $$p -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then command -v $$p; break; fi; done)
 
-.PHONY: help demo test lint types unit wheel bench lock clean
+.PHONY: help demo test lint types unit wheel bench prove lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -52,6 +53,9 @@ bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/bench.py
 	$(BIN)/python tests/benchmarks/compile.py
 	$(BIN)/python tests/benchmarks/tracking.py
+
+prove: $(VENV)/.installed
+	$(BIN)/python tests/studies/prove.py --out prove_out
 
 lock: $(BUILD)/lock/.installed
 	$(BUILD)/lock/bin/uv pip compile --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --all-extras \

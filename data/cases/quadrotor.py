@@ -126,6 +126,7 @@ FAULTY = (
     Case(
         kind="input_delay",
         effects=lambda d: (late(0.0127 * d.size),),
+        strength="weak",
         verdict="input",
         also=("undecided", "missing_physics", "sensor"),
         motions=("multisine", "steps"),

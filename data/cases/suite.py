@@ -185,5 +185,5 @@ def strength(bench: Bench, case: Case, effects: tuple[Effect, ...], taken: Taken
     for effect in effects:
         if not effect.sensors:
             own = [s for place, s in taken.shares.items() if place == effect.place or place.startswith(f"{effect.place}.")]
-            share = max([share, *(own or taken.shares.values())])
+            share = max([share, *(own if any(own) else taken.shares.values())])
     return share, sigmas

@@ -41,9 +41,9 @@ class Options:
 
 
 def run_demo(options: Options) -> int:
-    """Smooth the bundled study."""
+    """Find what the model of the bundled study leaves out."""
     bundled = Path(str(files("backsight.data"))) / "demo.toml"
-    return _smooth(Study.read(bundled, label="demo.toml"), options.out or Path("backsight_demo"), options, command="demo")
+    return _diagnose(Study.read(bundled, label="demo.toml"), options.out or Path("backsight_demo"), options, command="demo")
 
 
 def run_smooth(path: Path, options: Options, profiled: Sequence[str] = ()) -> int:
@@ -134,11 +134,14 @@ def run_weigh(path: Path, options: Options) -> int:
 
 def run_diagnose(path: Path, options: Options) -> int:
     """Find what a study's model leaves out. Finished parts stay in a hidden folder beside the results until these are written."""
+    return _diagnose(Study.read(path), options.out or _named_after(path, "_diagnosed"), options, command="diagnose")
+
+
+def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int:
     from ..diagnosis import diagnose
     from ..report import write_diagnosis_report
 
     check_jobs(options.jobs)
-    study, out = Study.read(path), options.out or _named_after(path, "_diagnosed")
     keep = out.with_name(f".{out.name}.parts")
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
@@ -146,7 +149,7 @@ def run_diagnose(path: Path, options: Options) -> int:
         problem = replace(study.problem(), model=study.model)
         found: Diagnosis = diagnose(problem, jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
         say("writing the report")
-        result = result_of_diagnosis(found)
+        result = result_of_diagnosis(found) | {"command": command}
         write_result(result, folder / "result.json")
         write_estimates(found.after.estimates, folder / "estimates.csv")
         write_diagnosis_report(found, folder / "report.html")

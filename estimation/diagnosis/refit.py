@@ -25,7 +25,7 @@ from .screen import Screened
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
-QUICKLY = Settings(check_mesh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=30, max_iterations=40))
+QUICKLY = Settings(check_mesh=False, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 
 
 @dataclass(frozen=True, kw_only=True)

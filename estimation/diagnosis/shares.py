@@ -20,6 +20,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 FLOOR = 0.01  # of the rms force at a place: what is smaller is nothing that matters
 SURE = 0.05  # chance of as much anywhere if nothing is missing
 CERTAIN = 3.0  # standard deviations
+BEYOND = 3.0  # times the forces at a place: an effect of that size would be needed to be seen, so none can be
 
 
 class Sizes:
@@ -88,7 +89,7 @@ def _limit(s: Screened, sizes: Sizes, units: dict[str, str], least: float) -> Un
     one = np.zeros(len(s.std))
     one[-1] = 1.0
     share = max(sizes.shares(s.look, one).values(), default=0.0)
-    if c.family not in ("sensor",) and share > 0:
-        strength = max(strength, FLOOR / share)
+    if c.family != "sensor" and share > 0:
+        strength = max(strength, FLOOR / share) if strength * share < BEYOND else inf
     word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
     return Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=units.get(path, ""))

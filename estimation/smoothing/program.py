@@ -27,15 +27,16 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Settings:
     """Numerics of a smoothing run; the defaults choose by themselves.
 
-    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for
-    collocation. step: mesh step [s]. check_mesh: whether its error is measured, and mended by a finer one; without, states are as good as
-    weights ask for and nothing is known of the error. options: of the solver.
+    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for collocation. step: mesh step [s]. check_mesh:
+    whether its error is measured, and mended by a finer one; without, states are as good as weights ask for and nothing is known of the
+    error. hasty: weights from the data move on before a solve has ended. options: of the solver.
     """
 
     method: Literal["auto", "spline", "collocation"] = "auto"
     degree: int | None = None
     step: float | None = None
     check_mesh: bool = True
+    hasty: bool = False
     options: Options = field(default_factory=Options)
 
 

@@ -176,6 +176,7 @@ class _Work:
             {k: max(std, self.floor.get(k, 0.0)) for k, std in least_std.items()},
             self.least_noise(stds),
             self.say,
+            hasty=self.settings.hasty,
         )
 
     def least_noise(self, stds: Stds) -> Array:

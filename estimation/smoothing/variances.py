@@ -63,13 +63,15 @@ def choose_weights(
     least_std: Mapping[int, float],
     least_noise: Array,
     say: Callable[[str], None],
+    hasty: bool = False,
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
     solve(decisions, values, to the full tolerance) -> Solution. at_rest (n_soft, N): what the values have near rest (`rest.py`), which
     tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody
     gave of one output is one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower;
-    least_noise (H, ny): the same for the factors on the outputs' first standard deviations.
+    least_noise (H, ny): the same for the factors on the outputs' first standard deviations. hasty: weights move on from where a solve
+    stopped at its limit of iterations, far from its end or not.
     """
     dae = transcription.dae
     is_open = np.array([[q.name in names for q in dae.outputs] for names in outputs]).reshape(len(outputs), len(dae.outputs))
@@ -85,7 +87,7 @@ def choose_weights(
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
-        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED:
+        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED and not hasty:
             continue  # on its way: the next round goes on from here
         if not (solution.solved.status.converged or solution.solved.status is Status.ITERATIONS):
             break

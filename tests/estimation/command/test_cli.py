@@ -281,6 +281,11 @@ def test_the_demo_runs_where_one_stands(tmp_path, monkeypatch, capsys):
     assert main(["demo"]) == 0
     result = json.loads(Path("backsight_demo/result.json").read_text())
     assert result["command"] == "demo"
+    assert result["verdict"] == "missing_physics"
+    (found,) = result["findings"]
+    assert (found["place"], found["physics"]) == ("carriage", "coulomb_friction")
+    assert found["parameters"]["f_c"]["value"] == pytest.approx(20.0, rel=0.01)
+    assert result["held_out"]["improvement_percent"] > 90
     assert "report.html" in capsys.readouterr().out
 
 
