@@ -23,7 +23,7 @@ CASES = numbered()
 FAULTY = [(bench, case) for bench, case in CASES if case.strength != "none"]
 # Structure that vanishes as its stiffness grows without bounds, or that is there or not: tested with the machines.
 STIFF = ("backlash", "compliance", "elasticity", "presliding", "second_string_section", "asymmetric_lag", "input_lag")
-LATER = ("end_stop", "bumps", "_bit", "harder_rock", "stick_slip")  # act where a short recording does not come
+LATER = ("end_stop", "bumps", "_bit", "harder_rock", "stick_slip", "aerodynamic")  # act where a short recording does not come
 SECONDS = {"actuator": 0.3, "xy_table": 0.12, "drillstring": 0.5, "quadrotor": 0.4, "five_bar": 0.12}
 
 
@@ -100,13 +100,14 @@ def test_at_strength_zero_the_record_is_that_of_the_machine_without_it(entry: tu
     none = bench.take(plain, plain, (), case, "multisine", [1, 2])
     some = bench.take(true, plain, effects, case, "multisine", [1, 2])
     for output, y in none.outputs.items():
-        assert np.abs(some.outputs[output] - y).max() < 1e-7 * max(1.0, np.ptp(y)), output
+        # An event, of friction however small, cuts a step in two, which changes the error of the integration.
+        assert np.abs(some.outputs[output] - y).max() < 1e-3 * bench.conditions.noise[output], output
     if any(word in case.kind for word in LATER):
         return
     full = tuple(replace(e, onset=None) for e in case.effects(replace(drawn, size=1.0)))
     true = {**values, **{name: value for e in full for name, value in e.values.items()}}
     other = bench.take(true, plain, full, case, "multisine", [1, 2])
-    assert any(np.abs(other.outputs[o] - y).max() > 1e-7 * max(1.0, np.ptp(y)) for o, y in none.outputs.items())
+    assert any(np.abs(other.outputs[o] - y).max() > 1e-3 * bench.conditions.noise[o] for o, y in none.outputs.items())
 
 
 # ---------------------------------------------------------------- what is written
