@@ -66,9 +66,11 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
     slides = spot.kind == "translational"
     first, second = (f"{spot.name}.{f}" for f in spot.flanges)
     before, behind = (_mass(model, end, masses) for end in (first, second))
+    place = place_of(model, spot)
+    if before is None and place != spot.name:
+        before = behind  # a body drives it by way of ideal couplings; of what order its inertia is there is enough to start from
     if before is None and behind is None:
         return []
-    place = place_of(model, spot)
     whole = behind if behind is not None else before
     assert whole is not None
     name = f"{spot.name}_mass"
