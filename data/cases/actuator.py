@@ -36,10 +36,13 @@ def stribeck(v: Values, more: float, v_s: float) -> Effect:
     return friction("stribeck_friction", told, friction=(Coulomb(i=0, level=more),), force=at(laws.stribeck(more, v_s)))
 
 
+V_0 = 0.0254  # m/s: c of the logarithmic law is told at one inch per second, where the literature has it
+
+
 def logarithmic(s: float) -> Effect:
     b, c, v_dead = 5.0 * s, 46.0 * s, 1e-3
     level = c + b * np.log(v_dead)
-    told = {"b": (b, "N"), "c": (c, "N")}
+    told = {"b": (b, "N"), "c": (c + b * np.log(V_0), "N")}
     return friction(
         "logarithmic_friction",
         told,
