@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -71,7 +72,8 @@ def diagnosis_table(found: Diagnosis) -> Table:
     for heading in ("finding", "", "when", "p"):
         table.add_column(heading)
     for f in found.findings:
-        table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), f"{f.p_value:.2g}")
+        chance = f"{f.p_value:.2g}" if isfinite(f.p_value) else ""
+        table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), chance)
         for rival in f.rivals:
             table.add_row(escape(f"  or {rival.words}"), escape(numbers(rival.parameters)))
     if held := found.held_out:

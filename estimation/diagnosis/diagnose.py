@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -67,9 +68,9 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model of a problem leaves out, name it, put it into the model, and prove the gain on what was held out.
 
-    jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder
-    where finished fits stay, so that an interrupted diagnosis goes on. seed: of the draws behind the p-values. Raises InputError where the
-    problem cannot be smoothed at all, or its model is not made of components.
+    jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished fits stay, so that an
+    interrupted diagnosis goes on. seed: goes into the results; nothing is drawn yet. Raises InputError where the problem cannot be smoothed
+    at all, or its model is not made of components.
     """
     began, say = time.perf_counter(), progress or (lambda _: None)
     if not isinstance(problem.model, Model):
@@ -146,13 +147,13 @@ class _Search:
         """Rounds, until nothing more is found."""
         for number in range(EFFECTS + 1):
             self.say(f"round {number + 1}: scores")
-            candidates = library(self.problem, self.model, self.result)
-            solution = self.result.solution
-            assert solution is not None
-            base = Linearised(solution)
+            if self.result.solution is None:
+                raise ValueError("a smoothed model has its solution")
+            base = Linearised(self.result.solution)
+            candidates = library(self.problem, self.model, base.solution)
             looks = looked_at(self.problem, self.model, base, candidates)
             found = screen(base, looks)
-            sizes = Sizes(self.problem, self.result)
+            sizes = Sizes(self.problem, self.result, base)
             self.left = sizes.left
             if not number:
                 self.first_left = sizes.left
@@ -178,6 +179,8 @@ class _Search:
 
     def _fits(self, wanted: list[tuple[Candidate, Screened | None]]) -> list[Judged]:
         """The candidates fitted, side by side."""
+        if not wanted:
+            return []
         values = {p.name: p.value for p in self.result.parameters.values()}
         blob = pickle.dumps((settled(self.problem, self.result), self.model, self.result.solution))
         starts = [begun(c, s, values) for c, s in wanted]
@@ -253,7 +256,7 @@ class _Search:
         self.findings.append(
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f)),
-                p_value=found.chance(s.gain) if s is not None else 1.0 / 1001,
+                p_value=found.chance(s.gain) if s is not None else nan,
                 gain=float(f.evidence - now),
                 change="; ".join(_change(c, f)),
                 share=share,
@@ -286,7 +289,7 @@ class _Search:
             0,
             Finding(
                 explanation=Explanation(place=worst, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
-                p_value=1.0 / 1001,
+                p_value=nan,
                 gain=0.0,
                 change="",
                 share=share,

@@ -28,13 +28,11 @@ SHAPES = 7
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """How a place moved and was pushed: rms velocity, least and largest position, rms force [SI]; interval [s] from sample to sample."""
+    """How a place moved: rms velocity, least and largest position [SI]."""
 
     v_rms: float
     low: float
     high: float
-    force: float
-    interval: float
 
     @property
     def span(self) -> float:
@@ -46,20 +44,19 @@ class Motion:
 class Law:
     """A member of the library.
 
-    make: (kind, motion) -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
+    make: kind -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
     for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths. carrier: (physics, word) of the law
     whose force waves.
     """
 
     family: str
     physics: str
-    make: Callable[[str, Motion], Component]
+    make: Callable[[str], Component]
     strengths: tuple[str, ...]
     one_sided: bool = True
     shapes: Callable[[Motion], Mapping[str, tuple[float, ...]]] = field(default=lambda _: {})
     quadrature: str | None = None
     absorbs: Mapping[str, str] = field(default_factory=dict)
-    named: Mapping[str, str] = field(default_factory=dict)
     ratio: str | None = None
     carrier: tuple[str, str] | None = None
     label: str = ""
@@ -77,9 +74,8 @@ def _periods(motion: Motion) -> tuple[float, ...]:
     return tuple(float(p) for p in motion.span / waves)
 
 
-def _component(slide: str, turn: str, **values: float) -> Callable[[str, Motion], Component]:
-    def make(kind: str, motion: Motion) -> Component:
-        del motion
+def _component(slide: str, turn: str, **values: float) -> Callable[[str], Component]:
+    def make(kind: str) -> Component:
         made: Component = getattr(sliding, slide)(**values) if kind == "translational" else getattr(turning, turn)(**values)
         return made
 
@@ -176,7 +172,7 @@ NAMES = {"f": "f", "tau": "f", "omega_s": "v_s", "J": "m"}  # words of component
 
 def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
     """The law at a place."""
-    component = _rounded(law.make(spot.kind, motion), motion)
+    component = _rounded(law.make(spot.kind), motion)
     name = _free(model, f"{law.label or law.physics}_{spot.name}")
     words = (*law.strengths, "v_s", "period", "amplitude")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}

@@ -8,14 +8,15 @@ import numpy as np
 
 from backsight.models import Dae, Model
 from backsight.models.mechanics.rotational import EccentricRack, Rack
+from backsight.ocp import Solution
 
 from ..problem import Free, Problem
-from ..results import Smoothing
-from ..smoothing.along import along, forces
+from ..smoothing.along import along
 from ..smoothing.smoother import followed_by
 from .candidates import Candidate, Exchange
 from .channels import of_input, of_sensor
 from .couplings import of_coupling, of_soft
+from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, Motion, of_law
 from .places import Spot, bodies, elements
 
@@ -25,14 +26,11 @@ LOOKED_AT = 2000  # places of a recording where motions are looked at
 UNITS = ("N", "N.m")
 
 
-def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate]:
-    """All candidates of a model."""
+def library(problem: Problem, model: Model, solution: Solution) -> list[Candidate]:
+    """All candidates of a model, for how it moved in a solution."""
     found = list[Candidate]()
-    solution = result.solution
-    if solution is None:
-        return found
     dae = solution.transcription.dae
-    motions = _Motions(problem, result)
+    motions, values = _Motions(solution), dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
     for spot in bodies(model):
         merged = dae.merged_places.get(spot.name, spot.name) != spot.name
         unit = next((p.unit for p in dae.places if p.name == spot.name), "N")
@@ -45,9 +43,8 @@ def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN]
-            values = dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
             found += of_coupling(model, spot, motion, _masses(values)) + of_soft(model, spot, motion, _masses(values), values)
-    found += _kinematic(model) + _frames(model)
+    found += _kinematic(model) + of_frames(model)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
     duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
@@ -59,8 +56,7 @@ def library(problem: Problem, model: Model, result: Smoothing) -> list[Candidate
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
         found += of_sensor(model, name, others, interval, duration)
-    there = {p.name: value for p, value in zip(dae.parameters, solution.parameters.tolist(), strict=True)}
-    return [_absorbing(c, problem, there) for c in found] + _fixed(problem, model, dae, solution.parameters)
+    return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters)
 
 
 def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candidate:
@@ -107,12 +103,6 @@ def _kinematic(model: Model) -> list[Candidate]:
     return found
 
 
-def _frames(model: Model) -> list[Candidate]:
-    from .frames import of_frames
-
-    return of_frames(model)
-
-
 def _fixed(problem: Problem, model: Model, dae: Dae, values: Array) -> list[Candidate]:
     """Every parameter that was taken for known."""
     measured = {o.variable.partition(".")[0] for o in model.measured.values()}
@@ -147,11 +137,8 @@ def _told(name: str, model: Model) -> bool:
 class _Motions:
     """How bodies and elements moved."""
 
-    def __init__(self, problem: Problem, result: Smoothing) -> None:
-        assert result.solution is not None
-        self._solution = result.solution
-        self._followed = followed_by(result.solution)
-        self._forces = forces(problem.posed, self._followed, result.solution.parameters)
+    def __init__(self, solution: Solution) -> None:
+        self._solution, self._followed = solution, followed_by(solution)
 
     def of(self, spot: Spot) -> Motion | None:
         """None where the model has no such motion."""
@@ -160,18 +147,15 @@ class _Motions:
         position, velocity = self._named(dae, spot)
         if velocity is None:
             return None
-        s, v, steps = list[Array](), list[Array](), list[float]()
+        s, v = list[Array](), list[Array]()
         for number, horizon in enumerate(t.horizons):
             times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT)
             v.append(along(dae, velocity, self._followed, number, times, self._solution.parameters).ravel())
             if position is not None:
                 s.append(along(dae, position, self._followed, number, times, self._solution.parameters).ravel())
-            steps.append(float(np.median(np.diff(horizon.time))))
         rms = float(np.sqrt(np.mean(np.concatenate(v) ** 2)))
         where = np.concatenate(s) if s else np.zeros(1)
-        k = next((i for i, p in enumerate(dae.places) if p.name == spot.name), None)
-        force = self._forces.get(k, 1.0) if k is not None else 1.0
-        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), force=force, interval=min(steps)) if rms > 0 else None
+        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max())) if rms > 0 else None
 
     def _named(self, dae: Dae, spot: Spot) -> tuple[object | None, object | None]:
         variables = dae.variables

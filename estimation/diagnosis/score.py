@@ -80,8 +80,7 @@ class Linearised:
     @cached_property
     def sizes(self) -> Array:
         """By which the rows that have multipliers are divided, (M,)."""
-        s = self.solution
-        _, _, d = s.solver.kkt(s.solved.decisions, s.values)
+        _, _, d = self.solution.solver.kkt(self.solution.solved.decisions, self.solution.values)
         return np.where(d > 0, 1.0 / np.sqrt(np.where(d > 0, d, 1.0)), 1.0)
 
     @cached_property

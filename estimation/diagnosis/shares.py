@@ -11,6 +11,7 @@ from ..results import Smoothing
 from ..smoothing.along import forces
 from ..smoothing.rest import near_rest
 from ..smoothing.smoother import followed_by
+from .score import Linearised
 from .screen import Screen, Screened
 from .supermodel import Look
 from .verdict import Undetectable
@@ -26,9 +27,9 @@ BEYOND = 3.0  # times the forces at a place: an effect of that size would be nee
 class Sizes:
     """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them."""
 
-    def __init__(self, problem: Problem, result: Smoothing) -> None:
-        assert result.solution is not None
-        self.solution, self.result = result.solution, result
+    def __init__(self, problem: Problem, result: Smoothing, base: Linearised) -> None:
+        """base: of the result's solution."""
+        self.base, self.solution, self.result = base, base.solution, result
         t = self.solution.transcription
         self.names = [t.dae.places[k].name for k in t.soft]
         of_places = forces(problem.posed, followed_by(self.solution), self.solution.parameters)
@@ -43,7 +44,7 @@ class Sizes:
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there, away from rest."""
         t = self.solution.transcription
-        moved = look.columns.multiplied @ estimate
+        moved = look.columns.multiplied @ estimate * self.base.sizes
         first, found = 0, dict[str, float]()
         for term in t.nlp.terms:
             if not (term.equality or term.heavy):
@@ -51,9 +52,7 @@ class Sizes:
             size = term.target.size
             if term.name == t.force_term:
                 std = t.force_std_at(self.solution.values)
-                rows = (
-                    (moved[first : first + size] * self.sizes[first : first + size]).reshape(-1, term.target.shape[0]).T[: len(self.names)]
-                )
+                rows = moved[first : first + size].reshape(-1, term.target.shape[0]).T[: len(self.names)]
                 mean = rows * std / np.sqrt(t.nlp.steps)
                 moving = ~near_rest(std)
                 for name, force, there in zip(self.names, mean, moving, strict=True):
@@ -61,13 +60,6 @@ class Sizes:
                     found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.forces[name]
             first += size
         return found
-
-    @property
-    def sizes(self) -> Array:
-        """Of the rows that have multipliers."""
-        s = self.solution
-        _, _, d = s.solver.kkt(s.solved.decisions, s.values)
-        return np.where(d > 0, 1.0 / np.sqrt(np.where(d > 0, d, 1.0)), 1.0)
 
 
 def limits(found: Screen, sizes: Sizes, units: dict[str, str], skipped: set[tuple[str, str]]) -> list[Undetectable]:

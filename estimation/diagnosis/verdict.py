@@ -45,7 +45,8 @@ class Explanation:
 class Finding:
     """One effect that the model left out.
 
-    explanation: what it is, with its parameters. p_value: chance of as much evidence anywhere in the library if nothing were missing.
+    explanation: what it is, with its parameters. p_value: chance of as much evidence anywhere in the library if nothing were missing;
+    NaN of what no score tells of.
     gain: log evidence over the model without it. regime: where it acts, in words; onset: time from which on it does [s], None from the
     start. share: rms of its force over that of the forces at its place. alternatives: explanations that were refused, with their gaps,
     best first. rivals: those that these recordings cannot tell from it, and separates: what would tell them apart.
@@ -136,7 +137,7 @@ class HeldOut:
 class Diagnosis:
     """The answer. before: the model as declared, smoothed; after: with the findings in it (the same where there are none).
 
-    tried: every candidate, best first. mismatch: the residual forces before and after the repair. seed: of the draws behind p-values.
+    tried: every candidate, best first. mismatch: the residual forces before and after the repair. seed: as it was given.
     """
 
     verdict: Class

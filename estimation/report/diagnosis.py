@@ -235,7 +235,7 @@ def _limits(found: Diagnosis) -> str:
 def _notes(found: Diagnosis) -> str:
     notes: Sequence[str] = list(dict.fromkeys((*found.notes, *found.after.notes)))
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    pairs = [("candidates", str(len(found.tried))), ("time", quantity(found.seconds, "s")), ("seed of the draws", str(found.seed))]
+    pairs = [("candidates", str(len(found.tried))), ("time", quantity(found.seconds, "s")), ("seed", str(found.seed))]
     return (f"<ul class=notes>{items}</ul>" if items else "") + facts([*pairs, ("last solve", found.after.solver.status)])
 
 
@@ -248,7 +248,7 @@ def _change(percent: float) -> str:
 
 
 def _p(p: float) -> str:
-    return "< 0.0001" if p < 1e-4 else number(p, 2)
+    return "no score tells it" if np.isnan(p) else "< 0.0001" if p < 1e-4 else number(p, 2)
 
 
 def _chance(p: float) -> str:

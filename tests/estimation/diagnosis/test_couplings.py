@@ -11,7 +11,7 @@ from backsight.estimation.diagnosis.places import elements
 from backsight.models import compile_model, simulate
 from backsight.models.plants import PLANTS, actuator
 
-MOTION = Motion(v_rms=0.2, low=-0.1, high=0.1, force=40.0, interval=1e-3)
+MOTION = Motion(v_rms=0.2, low=-0.1, high=0.1)
 
 
 @pytest.mark.parametrize(

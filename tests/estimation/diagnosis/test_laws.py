@@ -15,7 +15,7 @@ from backsight.models import Dae, compile_model
 from backsight.models.plants import PLANTS, actuator
 from backsight.models.quadratures import without_ignorable
 
-MOTION = Motion(v_rms=0.2, low=-0.3, high=0.5, force=40.0, interval=1e-3)
+MOTION = Motion(v_rms=0.2, low=-0.3, high=0.5)
 
 
 def candidates(model) -> list:
@@ -175,7 +175,7 @@ def test_shapes_hang_on_how_the_machine_moved():
     (coarse,) = by["position_dependent_friction"].shapes.values()
     assert set(coarse) < set(periods)
     assert min(coarse) > 0.8 / 12
-    still = Motion(v_rms=0.2, low=0.1, high=0.1, force=40.0, interval=1e-3)
+    still = Motion(v_rms=0.2, low=0.1, high=0.1)
     law = next(law for law in AGAINST_GROUND if law.physics == "cogging")
     (none,) = of_law(law, model, spot, still).shapes.values()
     assert none == ()

@@ -14,7 +14,7 @@ from backsight.models import compile_model
 @pytest.fixture(scope="module")
 def axis() -> tuple:
     problem, result, _ = smoothed(0.5)
-    return problem, result, library(problem, problem.model, result)
+    return problem, result, library(problem, problem.model, result.solution)
 
 
 def test_every_fault_and_law_that_an_axis_can_have_is_there(axis):
@@ -33,7 +33,7 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
     made = run(0.3)
     for given, suspects in ((Free(90.0), set()), (90.0, {"carriage.m"})):
         problem = posed(made, carriage__m=given)
-        found = library(problem, problem.model, smooth(problem))
+        found = library(problem, problem.model, smooth(problem).solution)
         wrong = {name for c in found if c.physics == "wrong_parameter" for name in c.strengths}
         assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
 

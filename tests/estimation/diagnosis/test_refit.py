@@ -21,7 +21,7 @@ from backsight.estimation.diagnosis.screen import Screened
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.models.plants import actuator
 
-MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05, force=40.0, interval=1e-3)
+MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
 
 
 def law(name: str) -> Candidate:

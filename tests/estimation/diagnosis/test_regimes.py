@@ -19,7 +19,7 @@ def judged(physics: str, force, **carriage):
     problem = posed(run(DURATION, 2e-3, force=force, **carriage))
     result = smooth(problem)
     base = Linearised(result.solution)
-    found = [c for c in library(problem, problem.model, result) if c.key == ("carriage", physics)]
+    found = [c for c in library(problem, problem.model, result.solution) if c.key == ("carriage", physics)]
     (look,) = looked_at(problem, problem.model, base, found)
     return regime(base, look)
 

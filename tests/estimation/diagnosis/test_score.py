@@ -19,7 +19,7 @@ from backsight.models import compile_model
 from backsight.models.plants import PLANTS
 from backsight.ocp import ParameterPrior, transcribe
 
-MOTION = Motion(v_rms=0.1, low=-0.05, high=0.05, force=50.0, interval=1e-3)
+MOTION = Motion(v_rms=0.1, low=-0.05, high=0.05)
 
 
 def rows_at(nlp, values, decisions) -> tuple[np.ndarray, np.ndarray]:

@@ -22,8 +22,8 @@ def rms(values: np.ndarray) -> float:
 def axis() -> tuple:
     problem, result, base = smoothed(1.5, 2e-3)
     made = run(1.5, 2e-3)
-    looks = looked_at(problem, problem.model, base, library(problem, problem.model, result))
-    return made, Sizes(problem, result), looks, screen(base, looks)
+    looks = looked_at(problem, problem.model, base, library(problem, problem.model, result.solution))
+    return made, Sizes(problem, result, base), looks, screen(base, looks)
 
 
 def test_the_force_at_a_place_is_its_largest_term(axis):
@@ -52,7 +52,8 @@ def test_little_is_left_over_of_a_model_that_lacks_nothing_and_what_lacks_is(axi
     assert sizes.left["carriage"] < FLOOR
     made = run(1.5, 2e-3, f_c=20.0)
     problem = posed(made, W={"carriage": 0.5})
-    lacking = Sizes(problem, smooth(problem))
+    result = smooth(problem)
+    lacking = Sizes(problem, result, Linearised(result.solution))
     friction = rms(20.0 * np.sign(made.truth["carriage.v"]))
     assert 0.2 * friction < lacking.left["carriage"] * lacking.forces["carriage"] < 1.2 * friction
 
@@ -82,7 +83,7 @@ def test_an_effect_at_its_limit_is_seen_and_one_at_a_tenth_of_it_is_not(axis):
         made = run(1.5, 2e-3, force=lambda _t, _q, v, c=strength: -c * v * np.abs(v))
         problem = posed(made)
         result = smooth(problem)
-        c = [c for c in library(problem, problem.model, result) if c.key == ("carriage", "quadratic_drag")]
+        c = [c for c in library(problem, problem.model, result.solution) if c.key == ("carriage", "quadratic_drag")]
         base = Linearised(result.solution)
         gains.append(screen(base, looked_at(problem, problem.model, base, c)).found[0].gain)
     needed = found.needed(SURE)

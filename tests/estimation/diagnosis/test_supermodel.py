@@ -19,7 +19,7 @@ from backsight.models.plants import actuator
 @pytest.fixture(scope="module")
 def axis() -> tuple:
     problem, result, base = smoothed(0.5)
-    candidates = library(problem, problem.model, result)
+    candidates = library(problem, problem.model, result.solution)
     return problem, base, candidates, looked_at(problem, problem.model, base, candidates)
 
 
