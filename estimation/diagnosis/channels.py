@@ -7,18 +7,21 @@ recorded input or to the smoothed output, on a grid of their shape.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from backsight.models import Model
+from backsight.models.language import Component
 from backsight.models.model import Output
 from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, Saturation, Sum
 
 from .candidates import Candidate, Insert, Rebuild, Signal
+from .places import free_name
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Changes = Sequence[tuple[float, Callable[[Array, Array], Array]]]
 
 TIMES = 14  # lags and delays looked at
 LONGEST = 0.05  # of a recording: the longest of them
@@ -64,127 +67,87 @@ def late(time: Array, values: Array, delay: float, held: bool = True) -> Array:
     return np.asarray((until(edges[1:] - delay) - until(edges[:-1] - delay)) / step)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Channel:
+    """An input or a sensor: its place, the family of what it may do, and the beginning of the names of that."""
+
+    model: Model
+    place: str
+    family: str
+    word: str
+
+    def name(self, fault: str) -> str:
+        """Of a block."""
+        return free_name(self.model, f"{self.word}_{fault}_{self.place.partition(':')[2]}")
+
+    def linear(self, fault: str, block: Component, parameter: str, start: tuple[float, float, float] | None = None) -> Candidate:
+        """A block that is linear in a parameter."""
+        name = self.name(fault)
+        path = f"{name}.{parameter}"
+        return Candidate(
+            place=self.place,
+            family=self.family,
+            physics=f"{self.word}_{fault}",
+            edits=(Insert(place=self.place, component=block, name=name),),
+            strengths=(path,),
+            start={path: start} if start else {},
+            named={parameter: path},
+        )
+
+    def shaped(self, fault: str, block: Component, parameter: str, start: tuple[float, float, float], grid: Changes) -> Candidate:
+        """A block that is not: value of its parameter -> what would be read with it."""
+        name = self.name(fault)
+        path = f"{name}.{parameter}"
+        return Candidate(
+            place=self.place,
+            family=self.family,
+            physics=f"{self.word}_{fault}",
+            edits=(Insert(place=self.place, component=block, name=name),),
+            named={parameter: path},
+            start={path: start},
+            signals=tuple(Signal(of=self.place, changed=changed, start={path: value}) for value, changed in grid),
+        )
+
+    def slow(self, interval: float, duration: float, held: bool) -> list[Candidate]:
+        """Lag and delay; held: whether values are held from row to row."""
+        times = tuple(float(t) for t in np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES))
+        start = (interval, interval / 50, duration)
+        return [
+            self.shaped("lag", Lag(tau=interval), "tau", start, [(t, _by(lagged, t, held)) for t in times]),
+            self.shaped("delay", Delay(delay=interval), "delay", start, [(t, _by(late, t, held)) for t in times]),
+        ]
+
+
 def of_input(model: Model, name: str, values: Sequence[Array], interval: float, duration: float) -> list[Candidate]:
     """What the input may do."""
-    of, everything = f"input:{name}", np.concatenate(values)
+    everything = np.concatenate(values)
     largest, rms = float(np.abs(everything).max(initial=0.0)), float(np.sqrt(np.mean(everything**2)))
     if not rms > 0:
         return []
-    times = _times(interval, duration)
-
-    gain, offset = _name(model, "input_gain", name), _name(model, "input_offset", name)
-    lag, delay = _name(model, "input_lag", name), _name(model, "input_delay", name)
-    limit, zone = _name(model, "input_saturation", name), _name(model, "input_dead_zone", name)
+    channel = _Channel(model=model, place=f"input:{name}", family="actuator", word="input")
+    limits = [(s * largest, _limited(s * largest)) for s in LIMITS]
+    zones = [(s * rms, _dead(s * rms)) for s in ZONES]
     return [
-        Candidate(
-            place=of,
-            family="actuator",
-            physics="input_gain",
-            edits=(Insert(place=of, component=Gain(), name=gain),),
-            strengths=(f"{gain}.gain",),
-            start={f"{gain}.gain": (1.0, *GAINS)},
-            named={"gain": f"{gain}.gain"},
-        ),
-        Candidate(
-            place=of,
-            family="actuator",
-            physics="input_offset",
-            edits=(Insert(place=of, component=Offset(), name=offset),),
-            strengths=(f"{offset}.bias",),
-            named={"bias": f"{offset}.bias"},
-        ),
-        Candidate(
-            place=of,
-            family="actuator",
-            physics="input_lag",
-            edits=(Insert(place=of, component=Lag(tau=interval), name=lag),),
-            named={"tau": f"{lag}.tau"},
-            start={f"{lag}.tau": (interval, interval / 50, duration)},
-            signals=tuple(Signal(of=of, changed=_by(lagged, t), start={f"{lag}.tau": t}) for t in times),
-        ),
-        Candidate(
-            place=of,
-            family="actuator",
-            physics="input_delay",
-            edits=(Insert(place=of, component=Delay(delay=interval), name=delay),),
-            named={"delay": f"{delay}.delay"},
-            start={f"{delay}.delay": (interval, interval / 50, duration)},
-            signals=tuple(Signal(of=of, changed=_by(late, t), start={f"{delay}.delay": t}) for t in times),
-        ),
-        Candidate(
-            place=of,
-            family="actuator",
-            physics="input_saturation",
-            edits=(Insert(place=of, component=Saturation(limit=largest), name=limit),),
-            named={"limit": f"{limit}.limit"},
-            start={f"{limit}.limit": (largest, largest / 100, largest)},
-            signals=tuple(Signal(of=of, changed=_limited(s * largest), start={f"{limit}.limit": s * largest}) for s in LIMITS),
-        ),
-        Candidate(
-            place=of,
-            family="actuator",
-            physics="input_dead_zone",
-            edits=(Insert(place=of, component=DeadZone(width=rms / 100), name=zone),),
-            named={"width": f"{zone}.width"},
-            start={f"{zone}.width": (rms / 100, rms * 1e-5, largest)},
-            signals=tuple(Signal(of=of, changed=_dead(s * rms), start={f"{zone}.width": s * rms}) for s in ZONES),
-        ),
+        channel.linear("gain", Gain(), "gain", (1.0, *GAINS)),
+        channel.linear("offset", Offset(), "bias"),
+        *channel.slow(interval, duration, held=True),
+        channel.shaped("saturation", Saturation(limit=largest), "limit", (largest, largest / 100, largest), limits),
+        channel.shaped("dead_zone", DeadZone(width=rms / 100), "width", (rms / 100, rms * 1e-5, largest), zones),
     ]
 
 
 def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, duration: float) -> list[Candidate]:
     """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading."""
     of = f"sensor:{name}"
-    gain, bias, drift = (_name(model, word, name) for word in ("sensor_gain", "sensor_bias", "sensor_drift"))
-    lag, delay = _name(model, "sensor_lag", name), _name(model, "sensor_delay", name)
-    times = _times(interval, duration)
+    channel = _Channel(model=model, place=of, family="sensor", word="sensor")
     found = [
-        Candidate(
-            place=of,
-            family="sensor",
-            physics="sensor_gain",
-            edits=(Insert(place=of, component=Gain(), name=gain),),
-            strengths=(f"{gain}.gain",),
-            start={f"{gain}.gain": (1.0, *GAINS)},
-            named={"gain": f"{gain}.gain"},
-        ),
-        Candidate(
-            place=of,
-            family="sensor",
-            physics="sensor_bias",
-            edits=(Insert(place=of, component=Offset(), name=bias),),
-            strengths=(f"{bias}.bias",),
-            named={"bias": f"{bias}.bias"},
-        ),
-        Candidate(
-            place=of,
-            family="sensor",
-            physics="sensor_drift",
-            edits=(Insert(place=of, component=Drift(), name=drift),),
-            strengths=(f"{drift}.rate",),
-            named={"rate": f"{drift}.rate"},
-        ),
-        Candidate(
-            place=of,
-            family="sensor",
-            physics="sensor_lag",
-            edits=(Insert(place=of, component=Lag(tau=interval), name=lag),),
-            named={"tau": f"{lag}.tau"},
-            start={f"{lag}.tau": (interval, interval / 50, duration)},
-            signals=tuple(Signal(of=of, changed=_by(lagged, t, held=False), start={f"{lag}.tau": t}) for t in times),
-        ),
-        Candidate(
-            place=of,
-            family="sensor",
-            physics="sensor_delay",
-            edits=(Insert(place=of, component=Delay(delay=interval), name=delay),),
-            named={"delay": f"{delay}.delay"},
-            start={f"{delay}.delay": (interval, interval / 50, duration)},
-            signals=tuple(Signal(of=of, changed=_by(late, t, held=False), start={f"{delay}.delay": t}) for t in times),
-        ),
+        channel.linear("gain", Gain(), "gain", (1.0, *GAINS)),
+        channel.linear("bias", Offset(), "bias"),
+        channel.linear("drift", Drift(), "rate"),
+        *channel.slow(interval, duration, held=False),
     ]
     for other in others:
-        mixed = _name(model, f"sensor_misalignment_{other}", name)
+        mixed = channel.name(f"misalignment_{other}")
         found.append(
             Candidate(
                 place=of,
@@ -199,11 +162,13 @@ def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, d
     return found
 
 
+@dataclass(frozen=True, kw_only=True)
 class _Turned:
     """A sensor that reads a part of what another one reads."""
 
-    def __init__(self, *, of: str, other: str, name: str) -> None:
-        self.of, self.other, self.name = of, other, name
+    of: str
+    other: str
+    name: str
 
     def __call__(self, model: Model) -> Model:
         measured, other = model.measured[self.of], model.measured[self.other]
@@ -216,11 +181,7 @@ class _Turned:
         return replace(grown, connections=(*grown.connections, *more))
 
 
-def _times(interval: float, duration: float) -> tuple[float, ...]:
-    return tuple(float(t) for t in np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES))
-
-
-def _by(change: Callable[..., Array], t: float, held: bool = True) -> Callable[[Array, Array], Array]:
+def _by(change: Callable[..., Array], t: float, held: bool) -> Callable[[Array, Array], Array]:
     return lambda time, values: change(time, values, t, held)
 
 
@@ -230,10 +191,3 @@ def _limited(limit: float) -> Callable[[Array, Array], Array]:
 
 def _dead(width: float) -> Callable[[Array, Array], Array]:
     return lambda _, values: values - np.clip(values, -width, width)
-
-
-def _name(model: Model, physics: str, signal: str) -> str:
-    name = f"{physics}_{signal}"
-    while name in model.components:
-        name += "_"
-    return name

@@ -34,13 +34,13 @@ SECTION = 0.1  # of the inertia behind a string: that of a section of its own
 class Soft:
     """An edit: a rigid coupling becomes `component`.
 
-    mass: a body on its first side, where there is none. moved: a sensor, from one flange to the other.
+    mass: a body on its first side, where there is none. moved: a sensor, and the flange that it goes to.
     """
 
     coupling: str
     component: Component
     mass: tuple[str, Component] | None
-    moved: tuple[str, str, str] | None
+    moved: tuple[str, str] | None
 
     def __call__(self, model: Model) -> Model:
         edited = model.replace(self.coupling, self.component)
@@ -54,8 +54,8 @@ class Soft:
                 connections=(*edited.connections, (f"{name}.{flange}", f"{self.coupling}.{side}")),
             )
         if self.moved is not None:
-            sensor, old, new = self.moved
-            edited = replace(edited, connections=tuple(_swapped(pair, sensor, old, new) for pair in edited.connections))
+            sensor, new = self.moved
+            edited = replace(edited, connections=tuple(_moved(pair, sensor, new) for pair in edited.connections))
         return edited
 
 
@@ -69,10 +69,9 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
     place = place_of(model, spot)
     if before is None and place != spot.name:
         before = behind  # a body drives it by way of ideal couplings; of what order its inertia is there is enough to start from
-    if before is None and behind is None:
+    whole = before if behind is None else behind
+    if whole is None:
         return []
-    whole = behind if behind is not None else before
-    assert whole is not None
     name = f"{spot.name}_mass"
     body: tuple[str, Component] | None = None
     if before is None:
@@ -82,7 +81,7 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
     sensors = [n for n in neighbours(model, first) if any(o.variable.partition(".")[0] == n for o in model.measured.values())]
     found = list[Candidate]()
     for moved in (None, *sensors):
-        swap = (moved, first, second) if moved else None
+        swap = (moved, second) if moved else None
         suffix = f" and {moved} at {second}" if moved else ""
         extra = {f"{name}.{'m' if slides else 'J'}": (SHARE * whole, 1e-4 * whole, whole)} if body else {}
         for f in RESONANCES:
@@ -229,10 +228,7 @@ def _mass(model: Model, end: str, masses: dict[str, float]) -> float | None:
     return sum(there) if there else None
 
 
-def _swapped(pair: tuple[str, str], sensor: str, old: str, new: str) -> tuple[str, str]:
-    owners = {end.partition(".")[0] for end in pair}
-    if sensor not in owners:
-        return pair
-    own = next(end for end in pair if end.partition(".")[0] == sensor)
-    del old
-    return own, new
+def _moved(pair: tuple[str, str], sensor: str, flange: str) -> tuple[str, str]:
+    """A connection, that of the sensor to this flange."""
+    own = [end for end in pair if end.partition(".")[0] == sensor]
+    return (own[0], flange) if own else pair

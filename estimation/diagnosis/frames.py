@@ -11,6 +11,7 @@ from backsight.models.mechanics import planar, spatial
 from backsight.models.mechanics.spatial.rotation import Vector, velocities
 
 from .candidates import Candidate, Exchange, Insert
+from .places import free_name
 
 FORCES = ("f_x", "f_y", "f_z")
 
@@ -58,8 +59,8 @@ def _tilted(world: str) -> Candidate:
 
 
 def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[Candidate]:
-    drag, square = _name(model, "linear_drag", body), _name(model, "quadratic_drag", body)
-    wind, off = _name(model, "constant_force", body), _name(model, "coupling", body)
+    words = ("linear_drag", "quadratic_drag", "constant_force", "coupling")
+    drag, square, wind, off = (free_name(model, f"{word}_{body}") for word in words)
     mass = max(component.parameters["m"], 1e-9)
     return [
         Candidate(
@@ -113,10 +114,3 @@ def _propeller(model: Model, name: str, component: spatial.Propeller) -> list[Ca
             dear=True,
         )
     ]
-
-
-def _name(model: Model, physics: str, place: str) -> str:
-    name = f"{physics}_{place}"
-    while name in model.components:
-        name += "_"
-    return name

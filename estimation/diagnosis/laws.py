@@ -19,7 +19,7 @@ from backsight.models.mechanics import translational as sliding
 
 from ..smoothing.rest import ROUNDING, VELOCITY_UNITS
 from .candidates import Candidate, Insert
-from .places import Spot, at_hand
+from .places import Spot, at_hand, free_name
 
 FINEST = 60.0  # periods in the span of the positions, at most
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
@@ -173,7 +173,7 @@ NAMES = {"f": "f", "tau": "f", "omega_s": "v_s", "J": "m"}  # words of component
 def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
     """The law at a place."""
     component = _rounded(law.make(spot.kind), motion)
-    name = _free(model, f"{law.label or law.physics}_{spot.name}")
+    name = free_name(model, f"{law.label or law.physics}_{spot.name}")
     words = (*law.strengths, "v_s", "period", "amplitude")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
     there = at_hand(model, spot, tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c"})) if len(spot.flanges) == 1 else {}
@@ -222,9 +222,3 @@ def _rounded(component: Component, motion: Motion) -> Component:
 
 def _at(spot: Spot) -> str:
     return spot.name if len(spot.flanges) == 2 else f"{spot.name}.{spot.flanges[0]}"
-
-
-def _free(model: Model, name: str) -> str:
-    while name in model.components:
-        name += "_"
-    return name

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from backsight.models import Model
 from backsight.models.connectors import Rotational, Translational
-from backsight.models.language import Connector
+from backsight.models.language import Component, Connector
 from backsight.models.model import GROUNDS
 
 KINDS: dict[type[Connector], str] = {Translational: "translational", Rotational: "rotational"}
@@ -64,6 +64,13 @@ def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[
     return found
 
 
+def free_name(model: Model, name: str) -> str:
+    """The name, with underscores behind it as long as a component has it already."""
+    while name in model.components:
+        name += "_"
+    return name
+
+
 def _spots(model: Model) -> Iterator[Spot]:
     grounds = set(_grounds(model))
     measured = {output.variable.partition(".")[0] for output in model.measured.values()}
@@ -74,14 +81,12 @@ def _spots(model: Model) -> Iterator[Spot]:
             own = tuple(port for port, c in component.declared_connectors.items() if type(c) is kind)
             if len(own) == 2 and len(component.declared_connectors) == 2:
                 yield Spot(name=name, kind=word, flanges=own)
-            if len(own) == 1 and (_has_balance(component, name) or own == ("axis",)):
+            if len(own) == 1 and (_has_state(component) or own == ("axis",)):
                 yield Spot(name=name, kind=word, flanges=own)
 
 
-def _has_balance(component: object, name: str) -> bool:
-    del name
-    declared = getattr(component, "declared_variables", {})
-    return any(v.state for v in declared.values())
+def _has_state(component: Component) -> bool:
+    return any(v.state for v in component.declared_variables.values())
 
 
 def _grounds(model: Model) -> list[str]:

@@ -13,7 +13,7 @@ missing and the weights are right. Entries of G between candidates tell which of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -25,6 +25,7 @@ import scipy.sparse as sp
 from backsight.models import Dae
 from backsight.ocp import Horizon, ParameterPrior, Solution, Transcription, transcribe
 from backsight.ocp.nlp import Values
+from backsight.ocp.terms import Term
 
 from ..weighing.kkt import Kkt, gauss_newton
 
@@ -151,58 +152,58 @@ class Enlarged:
     def columns(self, parameters: Array) -> Columns:
         """The derivatives in all strengths, with these values of the other parameters."""
         values, decisions = self._values(parameters)
-        n, own = len(self._strengths), self._base.solution.transcription.nlp
-        squares, multiplied = list[Array](), list[Array]()
-        for number, term in enumerate(self._program.nlp.terms):
-            part = self._derivative(number, values, decisions)
-            (multiplied if term.equality or term.heavy else squares).append(part.reshape(-1, n))
-        for k, term in enumerate(own.terms):  # what is known beforehand of the parameters comes last, and no strength is in it
-            if k not in self._numbered:
+        n = len(self._strengths)
+        return self._gathered([self._derivative(k, values, decisions).reshape(-1, n) for k in range(len(self._program.nlp.terms))], n)
+
+    def _gathered(self, parts: Sequence[Array], n: int) -> Columns:
+        """Rows of all terms (rows, n), as the base problem has them."""
+        squares, multiplied = list[Array](), list[Array]([np.empty((0, n))])
+        for part, term in zip(parts, self._program.nlp.terms, strict=True):
+            (multiplied if term.equality or term.heavy else squares).append(part)
+        for k, term in enumerate(self._base.solution.transcription.nlp.terms):
+            if k not in self._numbered:  # what is known beforehand of the parameters comes last, and no strength is in it
                 squares.append(np.zeros((term.target.size, n)))
-        tail = np.concatenate(multiplied) if multiplied else np.empty((0, n))
-        return Columns(squares=np.concatenate(squares), multiplied=tail / self._base.sizes[:, None])
+        return Columns(squares=np.concatenate(squares), multiplied=np.concatenate(multiplied) / self._base.sizes[:, None])
 
     def waves(self, parameters: Array, strength: int, position: Any, numbers: Sequence[float]) -> list[Columns]:
         """Of one strength (its place among them) times sin and cos of number * position, for wave numbers [rad per its unit]."""
         values, _ = self._values(parameters)
-        terms, own = self._program.nlp.terms, self._base.solution.transcription.nlp
-        found = []
-        parts = {
-            k: self._at_places(k, values, position, strength) for k, term in enumerate(terms) if self._depends[k] and term.within is None
-        }
+        terms, found = self._program.nlp.terms, list[Columns]()
+        there = {}
+        for number, term in enumerate(terms):
+            if self._depends[number] and term.within is None:
+                slopes = np.array([J[:, strength] for J in self._slopes_at(number, values)])
+                there[number] = slopes, self._position_at(number, values, position), _weights(term)
         for wave in numbers:
-            squares, multiplied = list[Array](), list[Array]()
-            for number, term in enumerate(terms):
-                rows = np.zeros((term.columns * term.target.shape[0], 2))
-                if number in parts:
-                    slope, s, weights = parts[number]
-                    both = np.stack([np.sin(wave * s), np.cos(wave * s)])
-                    summed = np.einsum("pmc,fpc,pk->kmcf", slope, both, weights)
-                    scaled = summed.reshape(-1, term.columns, 2) * values.scale[number][:, :, None]
-                    rows = scaled.transpose(1, 0, 2).reshape(-1, 2)
-                (multiplied if term.equality or term.heavy else squares).append(rows)
-            squares += [np.zeros((term.target.size, 2)) for k, term in enumerate(own.terms) if k not in self._numbered]
-            tail = np.concatenate(multiplied) if multiplied else np.empty((0, 2))
-            found.append(Columns(squares=np.concatenate(squares), multiplied=tail / self._base.sizes[:, None]))
+            parts = [np.zeros((term.columns * term.target.shape[0], 2)) for term in terms]
+            for number, (slopes, s, weights) in there.items():
+                both = np.stack([np.sin(wave * s), np.cos(wave * s)])
+                summed = np.einsum("pmc,fpc,pk->kmcf", slopes, both, weights).reshape(-1, terms[number].columns, 2)
+                parts[number] = (summed * values.scale[number][:, :, None]).transpose(1, 0, 2).reshape(-1, 2)
+            found.append(self._gathered(parts, 2))
         return found
 
-    def _at_places(self, number: int, values: Values, position: Any, strength: int) -> tuple[Array, Array, Array]:
-        """Slope (S, m, C) in a strength and a position (S, C) at the places of a term, and their weights (S, K)."""
-        nlp, dae, term = self._program.nlp, self._dae, self._program.nlp.terms[number]
-        rows, width = nlp.interpolation.rows, term.data.shape[0] // term.places
-        v, d = ca.SX.sym("v", rows), ca.SX.sym("d", width)
-        nx, nu = nlp.interpolation.states, dae.u.shape[0]
-        inner = ca.Function("where", [dae.x, dae.p, dae.u, dae.t], [position])
-        p = ca.SX.sym("p", dae.p.shape[0])
-        where = ca.Function("where", [v, p, d], [inner(v[nx : 2 * nx], p, d[:nu], d[nu])]).map(term.columns)
-        slope, slopes, s = self._slopes[number], list[Array](), list[Array]()
-        m, n, mapped = slope.size1_out(0), len(self._strengths), slope.map(term.columns)
-        for place in range(term.places):
-            at, data = values.base[number][place * rows : (place + 1) * rows], values.data[number][place * width : (place + 1) * width]
-            J = np.asarray(mapped(at, values.parameters, values.parameters, data)).reshape(m, term.columns, n)
-            slopes.append(J[:, :, strength])
-            s.append(np.asarray(where(at, values.parameters, data)).ravel())
-        return np.array(slopes), np.array(s), np.eye(term.places) if term.moments is None else term.moments
+    def _slopes_at(self, number: int, values: Values) -> Iterator[Array]:
+        """Derivatives in the strengths at every place of a term, each (m, n, C)."""
+        term, slope = self._program.nlp.terms[number], self._slopes[number]
+        mapped, m = slope.map(term.columns), slope.size1_out(0)
+        for v, d in self._places(number, values):
+            J = np.asarray(mapped(v, values.parameters, values.parameters, d))
+            yield J.reshape(m, term.columns, len(self._strengths)).transpose(0, 2, 1)
+
+    def _position_at(self, number: int, values: Values, position: Any) -> Array:
+        """A position at the places of a term, (S, C)."""
+        dae, term, nx, nu = self._dae, self._program.nlp.terms[number], self._program.nlp.interpolation.states, self._dae.u.shape[0]
+        inner = ca.Function("position", [dae.x, dae.p, dae.u, dae.t], [position]).map(term.columns)
+        found = [inner(v[nx : 2 * nx], values.parameters, d[:nu], d[nu : nu + 1]) for v, d in self._places(number, values)]
+        return np.array([np.asarray(one).ravel() for one in found])
+
+    def _places(self, number: int, values: Values) -> Iterator[tuple[Array, Array]]:
+        """[dx; x; z; w] and what belongs to it, at every place of a term."""
+        term, rows = self._program.nlp.terms[number], self._program.nlp.interpolation.rows
+        width = term.data.shape[0] // term.places
+        for k in range(term.places):
+            yield values.base[number][k * rows : (k + 1) * rows], values.data[number][k * width : (k + 1) * width]
 
     def _derivative(self, number: int, values: Values, decisions: Array) -> Array:
         """Of one term's rows, (C, K m, n).
@@ -219,16 +220,9 @@ class Enlarged:
                 own = nlp.interpolation.local + len(nlp.free) - n
                 self._read[number] = nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:].copy()
             return self._read[number]
-        rows, width = nlp.interpolation.rows, term.data.shape[0] // term.places
-        m = self._slopes[number].size1_out(0)
-        weights = np.eye(term.places) if term.moments is None else term.moments
-        out = np.zeros((weights.shape[1], m, n, term.columns))
-        mapped = self._slopes[number].map(term.columns)
-        for place in range(term.places):
-            v, d = values.base[number][place * rows : (place + 1) * rows], values.data[number][place * width : (place + 1) * width]
-            J = np.asarray(mapped(v, values.parameters, values.parameters, d)).reshape(m, term.columns, n).transpose(0, 2, 1)
-            out += weights[place][:, None, None, None] * J
-        scaled = out.reshape(-1, n, term.columns) * values.scale[number][:, None, :]
+        parts = zip(_weights(term), self._slopes_at(number, values), strict=True)
+        out = sum(weights[:, None, None, None] * J for weights, J in parts)
+        scaled = np.asarray(out).reshape(-1, n, term.columns) * values.scale[number][:, None, :]
         return np.asarray(scaled.transpose(2, 0, 1))
 
     @cached_property
@@ -273,3 +267,8 @@ class Enlarged:
             base=first.base,
         )
         return nlp.about(values, np.concatenate([s.solved.decisions, np.zeros(len(self._strengths))]))
+
+
+def _weights(term: Term) -> Array:
+    """Of a term's places in its row groups, (S, K)."""
+    return np.eye(term.places) if term.moments is None else term.moments

@@ -4,7 +4,7 @@ A component at strength nothing changes no equation, so any number of them may s
 change what the trajectory is; they have no score of this kind, and are fitted.
 
 An input or an output that would read otherwise, u + a (changed(u) - u), has the difference as a further input of the model, and a as its
-strength (`signals.py` has what may change).
+strength (`channels.py` has what may change).
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ def looked_at(problem: Problem, model: Model, base: Linearised, candidates: Sequ
     found = list[Look]()
     plain = [c for c in candidates if c.edits and c.strengths and not c.signals]
     carried = {name for c in plain if c.wave is None for name in c.strengths}
-    waving = [c for c in plain if c.wave is not None and c.wave[0] in carried]
-    found += _of_components(problem, model, base, [c for c in plain if c not in waving], waving)
+    waves = [c.wave is not None and c.wave[0] in carried for c in plain]
+    still, waving = ([c for c, own in zip(plain, waves, strict=True) if own is side] for side in (False, True))
+    found += _of_components(problem, model, base, still, waving)
     freed = [c for c in candidates if not c.edits and c.strengths and not c.signals]
     if freed:
         found += _of_parameters(base, freed)
@@ -126,16 +127,14 @@ def _lean(problem: Problem, dae: Dae) -> Dae:
 
 def _extra(problem: Problem) -> list[str]:
     """Laws whose residual force the study asks for."""
-    from backsight.models import Dae as Flat
-
-    if isinstance(problem.model, Flat):
+    if isinstance(problem.model, Dae):
         return []
     plain = compile_model(problem.model)
     return [name for name in problem.weights.W if name in {p.name for p in plain.dormant_places}]
 
 
 def _values(dae: Dae, solution: Solution) -> Array:
-    """Parameters of a larger model: those of the solution, its widths where the new laws round theirs, and what the components have."""
+    """Parameters of a larger model: those of the solution, and of the new components what they have."""
     t = solution.transcription
     known = dict(zip((p.name for p in t.dae.parameters), solution.parameters.tolist(), strict=True))
     return np.array([known.get(p.name, p.value) for p in dae.parameters])
