@@ -148,6 +148,12 @@ class Candidate:
         return model
 
     @property
+    def units(self) -> dict[str, str]:
+        """Parameter of a component that it brings -> its unit."""
+        parts = [e for e in self.edits if not isinstance(e, Rebuild)]
+        return {f"{e.name}.{word}": p.unit for e in parts for word, p in e.component.declared_parameters.items()}
+
+    @property
     def sent(self) -> Candidate:
         """As another process needs it: what the score looks at are functions of this one."""
         return replace(self, signals=())

@@ -24,6 +24,7 @@ from .supermodel import Look
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are projected out: less is rounding
+SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 BATCH = 256  # columns at a time
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
 

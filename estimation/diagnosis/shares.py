@@ -12,14 +12,13 @@ from ..smoothing.along import forces
 from ..smoothing.rest import near_rest
 from ..smoothing.smoother import followed_by
 from .score import Linearised
-from .screen import Screen, Screened
+from .screen import SURE, Screen, Screened
 from .supermodel import Look
 from .verdict import Undetectable
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 FLOOR = 0.01  # of the rms force at a place: what is smaller is nothing that matters
-SURE = 0.05  # chance of as much anywhere if nothing is missing
 CERTAIN = 3.0  # standard deviations
 BEYOND = 3.0  # times the forces at a place: an effect of that size would be needed to be seen, so none can be
 

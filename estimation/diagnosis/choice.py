@@ -1,0 +1,67 @@
+"""Which candidates are worth a fit, and which fits bear their candidate out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from .candidates import Candidate
+from .refit import Fitted
+from .screen import SURE, Screen, Screened
+from .shares import FLOOR, Sizes
+
+RIVAL = 3.0  # nats within which two explanations cannot be told apart
+FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
+WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
+SPREAD = 0.3  # standard deviation of a strength over the largest one
+SAME = 0.99999  # correlation of two effects of which one fit stands for both
+
+
+def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
+    """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
+
+    The best of all, and the best of every place: what no output shows at once is scored less well than it fits.
+    """
+    worth = list[Screened]()
+    for s in found.found:
+        if found.chance(s.gain) > SURE or (s.candidate.family != "sensor" and not matters(s, sizes)):
+            continue
+        same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
+        if same is not None:
+            if (s.candidate.rank, s.candidate.size) < (worth[same].candidate.rank, worth[same].candidate.size):
+                worth[same] = s
+        elif not simpler_there(s, found.found):
+            worth.append(s)
+    most = max((s.gain for s in worth), default=0.0)
+    best = [s for s in worth if s.gain >= WORTH * most][:FITTED]
+    places = Counter(s.candidate.place for s in best)
+    for s in worth:
+        if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
+            best.append(s)
+            places[s.candidate.place] += 1
+    return best
+
+
+def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:
+    """Whether a candidate at the same place gains as much with fewer parameters. What is beyond it, a later round will tell."""
+    c = s.candidate
+    return any(
+        o.candidate.place == c.place and o.candidate.size < c.size and s.gain - o.gain < RIVAL * (c.size - o.candidate.size) for o in others
+    )
+
+
+def matters(s: Screened, sizes: Sizes) -> bool:
+    """Whether its force is half of the floor at least, by the score."""
+    return max(sizes.shares(s.look, s.estimate).values(), default=0.0) > FLOOR / 2
+
+
+def sound(c: Candidate, f: Fitted) -> bool:
+    """Whether its strengths are told, to less than SPREAD of the largest."""
+    if f.result is None:
+        return False
+    found = [f.result.parameters[n] for n in (c.strengths or tuple(c.start)) if n in f.result.parameters]
+    told = [p for p in found if p.std is not None]
+    if not told:
+        return False
+    largest = max(abs(p.value - c.neutral(p.name)) for p in told)
+    return max(p.std or 0.0 for p in told) < SPREAD * largest

@@ -1,0 +1,260 @@
+"""The rounds of the search: scores, fits of the best, one that is kept; what is named so far, and what is left."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from backsight.models import Model
+
+from ..problem import Problem
+from ..results import Smoothing
+from .candidates import Candidate
+from .choice import RIVAL, SAME, chosen, sound
+from .keep import Keep
+from .library import library
+from .refit import Fitted, begun, evidence, fitted, settled
+from .regimes import Regime, regime
+from .score import Linearised
+from .screen import Screen, Screened, screen
+from .shares import FLOOR, Sizes, limits
+from .supermodel import looked_at
+from .verdict import Class, Explanation, Finding, Strength, Tried, Undetectable
+
+Progress = Callable[[str], None]
+Judged = tuple[Candidate, Screened | None, Fitted]
+
+CLEAR = 6.0  # nats of evidence that an effect has to bring
+EFFECTS = 4
+NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
+
+
+@dataclass
+class Search:
+    """What the search has found so far: the problem with it, its model and its smoothing."""
+
+    problem: Problem
+    model: Model
+    result: Smoothing
+    say: Progress
+    pool: Executor
+    kept: Keep
+    findings: list[Finding] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+    undetectable: list[Undetectable] = field(default_factory=list)
+    first_left: dict[str, float] = field(default_factory=dict)
+    left: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    named: list[set[str]] = field(default_factory=list)
+
+    def run(self) -> None:
+        """Rounds, until nothing more is found."""
+        for number in range(EFFECTS + 1):
+            self.say(f"round {number + 1}: scores")
+            if self.result.solution is None:
+                raise ValueError("a smoothed model has its solution")
+            base = Linearised(self.result.solution)
+            candidates = library(self.problem, self.model, base.solution)
+            looks = looked_at(self.problem, self.model, base, candidates)
+            found = screen(base, looks)
+            sizes = Sizes(self.problem, self.result, base)
+            self.left = sizes.left
+            if not number:
+                self.first_left = sizes.left
+            if number == EFFECTS or not self._round(base, found, sizes, candidates):
+                self._limits(found, sizes)
+                return
+
+    def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
+        """Fits the best candidates and keeps one; whether there was one."""
+        now = evidence(self.problem, self.result)
+        fits = self._fits([(s.candidate, s) for s in chosen(found, sizes)])
+        if not self._explains(fits, now) and max(sizes.left.values(), default=0.0) > FLOOR:
+            most = max(sizes.left.values())
+            fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
+        fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
+        self._remember(fits, now)
+        good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and sound(c, f)]
+        if not good:
+            return False
+        best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, f[0].size, -f[2].evidence))
+        self._keep(base, best, fits, found, sizes, now)
+        return True
+
+    def _fits(self, wanted: list[tuple[Candidate, Screened | None]]) -> list[Judged]:
+        """The candidates fitted, side by side."""
+        if not wanted:
+            return []
+        values = {p.name: p.value for p in self.result.parameters.values()}
+        blob = pickle.dumps((settled(self.problem, self.result), self.model, self.result.solution))
+        starts = [begun(c, s, values) for c, s in wanted]
+        before = repr((sorted(values.items()), [f.change for f in self.findings]))
+        names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
+        found = {name: part for name in names if (part := self.kept.get(name)) is not None}
+        futures = {
+            name: self.pool.submit(fit, blob, c.sent, start)
+            for name, (c, _), start in zip(names, wanted, starts, strict=True)
+            if name not in found
+        }
+        fits = list[Judged]()
+        for (c, s), name in zip(wanted, names, strict=True):
+            self.say(f"fit {len(fits) + 1} of {len(wanted)}: {c.title}")
+            if name not in found:
+                found[name] = futures[name].result()
+                self.kept.put(name, found[name])
+            fits.append((c, s, found[name]))
+        return fits
+
+    def _explains(self, fits: list[Judged], now: float) -> bool:
+        """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
+        worst = max(self.left, key=lambda p: self.left[p], default="")
+        for c, _, f in fits:
+            if f.evidence - now > CLEAR and sound(c, f) and f.result is not None and worst in f.result.residual_places:
+                before = self.result.residual_places[worst].rms
+                if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
+                    return True
+        return False
+
+    def _remember(self, fits: list[Judged], now: float) -> None:
+        for c, s, f in fits:
+            explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f))
+            gained = f.evidence - now if np.isfinite(f.evidence) else None
+            self.tried.append(Tried(explanation=explanation, predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
+
+    def _keep(
+        self,
+        base: Linearised,
+        best: Judged,
+        fits: list[Judged],
+        found: Screen,
+        sizes: Sizes,
+        now: float,
+    ) -> None:
+        c, s, f = best
+        if f.problem is None or f.model is None or f.whole is None:
+            raise ValueError(f"{c.title} has no fit")
+        rivals, others = list[Explanation](), list[Explanation]()
+        for d, _, g in fits:
+            if d.key == c.key:
+                continue
+            gap = f.evidence - g.evidence
+            e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g))
+            if gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
+                rivals.append(e)
+            elif np.isfinite(gap):
+                others.append(e)
+        if s is not None:
+            rivals += [
+                Explanation(place=o.candidate.place, family=o.candidate.family, physics=o.candidate.physics)
+                for o in found.found
+                if o.candidate.key != c.key
+                and o.candidate.key not in {(r.place, r.physics) for r in rivals + others}
+                and found.alike(s, o) > SAME
+            ]
+        acts = regime(base, s.look) if s is not None else Regime(words="whole record", onset=None)
+        share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
+        gone = {name.partition(".")[0] for name in c.absorbs}
+        self.findings = [old for old, names in zip(self.findings, self.named, strict=True) if not names & gone]
+        self.named = [names for names in self.named if not names & gone]
+        self.named.append({path.partition(".")[0] for path in c.named.values()})
+        self.findings.append(
+            Finding(
+                explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f)),
+                p_value=found.chance(s.gain) if s is not None else nan,
+                gain=float(f.evidence - now),
+                change="; ".join(_change(c, f)),
+                share=share,
+                regime=acts.words,
+                onset=acts.onset,
+                alternatives=tuple(others),
+                rivals=tuple(rivals),
+            )
+        )
+        self.problem, self.model, self.result = f.problem, f.model, f.whole
+
+    def _limits(self, found: Screen, sizes: Sizes) -> None:
+        units = {path: unit for s in found.found for path, unit in s.candidate.units.items()}
+        skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}
+        self.undetectable = limits(found, sizes, units, skipped)
+        self._unexplained(sizes)
+
+    def _unexplained(self, sizes: Sizes) -> None:
+        """What is left over and matters: a finding without a name, or a note beside those that have one."""
+        worst, share = max(sizes.left.items(), key=lambda item: item[1], default=("", 0.0))
+        if share <= FLOOR:
+            return
+        summary = self.result.residual_places[worst]
+        if self._explained() >= UNEXPLAINED:
+            force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
+            self.notes.append(f"Unexplained at {worst}: a force of {force}.")
+            return
+        rms = Strength(value=summary.rms, std=None, unit=summary.unit)
+        self.findings.insert(
+            0,
+            Finding(
+                explanation=Explanation(place=worst, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
+                p_value=nan,
+                gain=0.0,
+                change="",
+                share=share,
+                alternatives=tuple(t.explanation for t in self.tried[:3]),
+            ),
+        )
+
+    def _explained(self) -> float:
+        """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""
+        parts = [1.0 - (self.left.get(p, 0.0) / was) ** 2 for p, was in self.first_left.items() if was > FLOOR]
+        return max(parts, default=1.0 if self.findings else 0.0)
+
+    def verdict(self) -> Class:
+        """One word for what was found."""
+        if not self.findings:
+            return "none"
+        first = self.findings[0]
+        if first.explanation.physics == "unknown_physics":
+            return "unknown_physics"
+        if first.explanation.family == "parameter":
+            return "parameter"  # what explains as much by more is no reason to doubt a number that was given
+        kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
+        return kinds.pop() if len(kinds) == 1 else "undecided"
+
+
+def _class(family: str) -> Class:
+    classes: dict[str, Class] = {"parameter": "parameter", "sensor": "sensor", "actuator": "input"}
+    return classes.get(family, "missing_physics")
+
+
+def _strengths(c: Candidate, f: Fitted) -> dict[str, Strength]:
+    if f.result is None:
+        return {}
+    return {
+        word: Strength(value=p.value, std=p.std, unit=p.unit)
+        for word, path in c.named.items()
+        if (p := f.result.parameters.get(path)) is not None
+    }
+
+
+def _change(c: Candidate, f: Fitted) -> list[str]:
+    said = [edit.words for edit in c.edits]
+    values = {} if f.result is None else {p: f.result.parameters[p].value for p in c.named.values() if p in f.result.parameters}
+    said += [f"{name} = {value:.6g}" for name, value in values.items()]
+    return said + [f"{name} = 0" for name in c.absorbs]
+
+
+def fit(blob: bytes, candidate: Candidate, start: dict[str, float]) -> Fitted:
+    """A candidate's fit, in a worker."""
+    problem, model, solution = _shared(blob)
+    return fitted(problem, model, solution, candidate, start)
+
+
+@lru_cache(maxsize=1)
+def _shared(blob: bytes) -> Any:
+    return pickle.loads(blob)
