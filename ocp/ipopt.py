@@ -40,9 +40,13 @@ _STATUS = {
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Feasible_Point_Found": Status.ACCEPTABLE,
     "Maximum_Iterations_Exceeded": Status.ITERATIONS,
+    "Maximum_WallTime_Exceeded": Status.ITERATIONS,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "User_Requested_Stop": Status.INTERRUPTED,
 }
+
+
+SHORTEST_SECANT = 0.2  # of the step to the answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +72,7 @@ class Options:
     tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
     estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
     drift: relative change of a parameter that the terms refer to beyond which a solve goes on from where it
-    arrived, max_passes times at most.
+    arrived, max_passes times at most. seconds: of one call of Ipopt, which then ends as at a limit of iterations.
     """
 
     tolerance: float = 1e-6
@@ -76,6 +80,7 @@ class Options:
     max_iterations: int = 100
     drift: float = 0.02
     max_passes: int = 6
+    seconds: float = 1e20
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,7 @@ class Solver:
             "acceptable_iter": 1,
             "constr_viol_tol": 1e-8,
             "max_iter": max_iterations,
+            "max_wall_time": self.options.seconds,
             # the program is scaled by its own units, and the starts are good: Ipopt's rescaling and large first barrier only cost steps
             "nlp_scaling_method": "none",
             "mu_init": 1e-4,
@@ -147,9 +153,9 @@ class Solver:
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
         if not np.all(np.isfinite(start)):
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
-        n, exact = self.nlp.trajectory_size, False
+        at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         for _ in range(self.options.max_passes):
-            here = self.nlp.about(values, decisions)
+            here = self.nlp.about(values, start)
             if newton or self.nlp.constraint_count:
                 answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers)
             else:
@@ -159,13 +165,14 @@ class Solver:
                 decisions, cost, multipliers = answer.decisions, answer.cost, answer.multipliers
             if progress is not None:
                 progress(f"{'Newton' if exact else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
-            now, then = decisions[n:][self.nlp.referred], here.reference[n:][self.nlp.referred]
-            moved = np.abs(now - then) > self.options.drift * np.abs(now)
-            if status.converged and not np.any(moved):
-                break
-            if not status.converged:
-                if status is Status.INTERRUPTED or exact or not newton:
+            start = decisions.copy()
+            if status.converged:
+                if sought.reached(here.reference[at], decisions[at]):
                     break
+                start[at] = np.clip(sought.next(), lower[at], upper[at])
+            elif status is Status.INTERRUPTED or exact or not newton:
+                break
+            else:
                 exact = True
         return Solved(
             decisions=decisions,
@@ -269,6 +276,31 @@ class Solver:
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
         """Derivative of term `number`'s values m (not scaled) in the local unknowns and parameters, (C, K m, local + np)."""
         return self.nlp.assembled.evaluated.derivative(number, values.scaled(decisions), values)
+
+
+class FixedPoint:
+    """Parameters p = G(p), G a solve with the terms referred to p: where the answers go to and fro, secant steps between them.
+
+    drift: relative change within which an answer is where it was sought.
+    """
+
+    def __init__(self, drift: float) -> None:
+        self._drift, self._history = drift, list[tuple[Array, Array]]()
+
+    def reached(self, p: Array, answer: Array) -> bool:
+        """Whether G(p) = answer is p; if not, `next` has what to try."""
+        self._history.append((p, answer - p))
+        return not np.any(np.abs(answer - p) > self._drift * np.abs(answer))
+
+    def next(self) -> Array:
+        """Of each parameter the secant of the last two, no shorter than a fifth and no longer than the step from one to the answer."""
+        p, f = self._history[-1]
+        if len(self._history) == 1:
+            return p + f
+        before, f_before = self._history[-2]
+        turn = f_before - f
+        length = np.divide(p - before, turn, out=np.ones_like(f), where=turn * (p - before) > 0)
+        return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)
 
 
 def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:

@@ -136,12 +136,12 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
     ]
 
 
-def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, duration: float) -> list[Candidate]:
-    """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading."""
+def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, duration: float, scaled: bool = True) -> list[Candidate]:
+    """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading. scaled: a gain too."""
     of = f"sensor:{name}"
     channel = _Channel(model=model, place=of, family="sensor", word="sensor")
     found = [
-        channel.linear("gain", Gain(), "gain", (1.0, *GAINS)),
+        *([channel.linear("gain", Gain(), "gain", (1.0, *GAINS))] if scaled else []),
         channel.linear("bias", Offset(), "bias"),
         channel.linear("drift", Drift(), "rate"),
         *channel.slow(interval, duration, held=False),

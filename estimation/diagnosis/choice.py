@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
+from ..results import Smoothing
 from .candidates import Candidate
 from .refit import Fitted
 from .screen import SURE, Screen, Screened
@@ -14,6 +15,8 @@ RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
 SPREAD = 0.3  # standard deviation of a strength over the largest one
+COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
+HOLDING = ("coulomb_friction", "stribeck_friction")
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 
@@ -40,6 +43,18 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
             best.append(s)
             places[s.candidate.place] += 1
     return best
+
+
+def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:
+    """Friction that may hold a body of which no output tells: a model without it has no such phases, and so no score of them."""
+    there = [s for s in found.found if s.candidate.place in unseen and s.candidate.physics in HOLDING]
+    return [s for s in there if s.candidate.key not in {o.candidate.key for o in worth}]
+
+
+def coloured(result: Smoothing) -> bool:
+    """Whether prediction errors tell, beyond all doubt, that something is left out, however small the forces that stand for it."""
+    found = (fit.whiteness_p for fits in result.fit.values() for fit in fits.values())
+    return any(p is not None and p < COLOURED for p in found)
 
 
 def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:

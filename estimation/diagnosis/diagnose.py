@@ -13,17 +13,24 @@ from pathlib import Path
 
 from backsight.models import Model
 from backsight.models.errors import InputError, SolveError
+from backsight.ocp import Options
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
-from ..smoothing.smoother import smooth
+from ..smoothing.program import Settings
+from ..smoothing.smoother import OutOfTime, smooth
+from ..smoothing.unseen import unseen_states
 from ..workers import workers
 from .keep import Keep
 from .mismatch import mismatches
 from .proof import prove
+from .refit import HELD, QUICKLY
 from .search import Progress, Search
 from .verdict import Diagnosis
+
+BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
+SEARCH = 600.0  # s, of the search
 
 
 def diagnose(
@@ -33,13 +40,15 @@ def diagnose(
     scheduler: str | None = None,
     keep: Path | None = None,
     seed: int = 0,
+    seconds: float = SEARCH,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find what the model of a problem leaves out, name it, put it into the model, and prove the gain on what was held out.
 
     jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished fits stay, so that an
-    interrupted diagnosis goes on. seed: goes into the results; nothing is drawn yet. Raises InputError where the problem cannot be smoothed
-    at all, or its model is not made of components.
+    interrupted diagnosis goes on. seed: goes into the results; nothing is drawn yet. seconds: after which the search ends with what it has
+    and says so; the proof comes after it. Raises InputError where the problem cannot be smoothed at all, or its model is not made of
+    components.
     """
     began, say = time.perf_counter(), progress or (lambda _: None)
     if not isinstance(problem.model, Model):
@@ -48,15 +57,14 @@ def diagnose(
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
     with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
-        first = _smoothed(posed, kept, say)
-        if not first.solver.converged:
-            raise InputError(
-                f"diagnose: the model as it is could not be smoothed ({first.solver.status.rstrip('.')}); give better guesses."
-            )
-        search = Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept)
+        first, settings = _base(posed, kept, say)
+        end = time.time() + seconds
+        search = Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept, settings=settings, end=end)
         search.run()
     verdict = search.verdict()
     notes = [split] if split else []
+    if not settings.weigh:
+        notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out = None
     if search.findings and search.model is not problem.model:
         say("proof on what was held out")
@@ -81,14 +89,36 @@ def diagnose(
     )
 
 
-def _smoothed(problem: Problem, kept: Keep, say: Progress) -> Smoothing:
-    """The model as it is."""
-    say("the model as it is")
-    name = kept.name("the model as it is")
+def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Settings]:
+    """The model as it is, and how candidates are fitted beside it.
+
+    What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
+    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first.
+    """
+    weighed, held = replace(Settings(), hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=Options())
+    ways = [(weighed, QUICKLY), (held, HELD)]
+    if unseen_states(problem.plain):
+        ways.reverse()
+    result, status = None, "it took too long"
+    for way, fits in ways:
+        say("the model as it is" + ("" if way.weigh else ", with weights from the forces' sizes"))
+        result = _kept("weighed" if way.weigh else "held", problem, way, kept, say)
+        if result is not None and result.solver.converged:
+            return result, fits
+        status = status if result is None else result.solver.status.rstrip(".")
+    raise InputError(f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.")
+
+
+def _kept(how: str, problem: Problem, settings: Settings, kept: Keep, say: Progress) -> Smoothing | None:
+    """A smoothing of the problem, of its own or an earlier run; None where it took too long."""
+    name = kept.name(f"the model as it is, {how}")
     part = kept.get(name)
     if part is None:
-        result = smooth(problem, progress=say)
+        try:
+            result = smooth(problem, settings=settings, progress=say)
+        except OutOfTime:
+            return None
         part = result, result.solution
         kept.put(name, part)
-    first: Smoothing = replace(part[0], solution=part[1])
-    return first
+    found: Smoothing = replace(part[0], solution=part[1])
+    return found

@@ -23,6 +23,7 @@ from .places import Spot, bodies, elements
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 LOOKED_AT = 2000  # places of a recording where motions are looked at
+HEARD = 4.0  # mean square of a reading over that of its noise: of less a gain would be one of noise
 UNITS = ("N", "N.m")
 
 
@@ -55,8 +56,14 @@ def library(problem: Problem, model: Model, solution: Solution) -> list[Candidat
     for name in read:
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
-        found += of_sensor(model, name, others, interval, duration)
+        k = [q.name for q in dae.outputs].index(name)
+        heard = float(np.mean(np.concatenate([_squares(h.target[:, k] / h.target_std[:, k]) for h in t.horizons])))
+        found += of_sensor(model, name, others, interval, duration, scaled=heard > HEARD)
     return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters)
+
+
+def _squares(values: Array) -> Array:
+    return np.asarray(values[np.isfinite(values)] ** 2)
 
 
 def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candidate:

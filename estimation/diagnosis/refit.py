@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backsight.models import Model, compile_model
-from backsight.models.errors import InputError, ModelError
+from backsight.models.errors import InputError, ModelError, SolveError
 from backsight.ocp import Options, Solution
 
 from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
+from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .screen import Screened
 
@@ -26,6 +27,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 QUICKLY = Settings(check_mesh=False, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
+LOOSE = (100.0, 10.0)  # times the deviation of its residual force that a body has on the way to a law that may hold it
+HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,14 +124,48 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
     return start
 
 
-def fitted(problem: Problem, model: Model, begin: Solution | None, candidate: Candidate, start: Mapping[str, float]) -> Fitted:
+def fitted(
+    problem: Problem, model: Model, begin: Solution, candidate: Candidate, start: Mapping[str, float], settings: Settings = QUICKLY
+) -> Fitted:
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        result = smooth(now, settings=QUICKLY, begin=_same_states(begin, now))
-    except (InputError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
+        there = _same_states(begin, now)
+        if not settings.weigh:
+            now = with_weights_of(begin, now)
+            now, there = _loosely(now, there, candidate.place, settings)
+        result = smooth(now, settings=settings, begin=there)
+    except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error))
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)
+
+
+def _loosely(problem: Problem, begin: Solution | None, place: str, settings: Settings) -> tuple[Problem, Solution | None]:
+    """Guesses and a start nearer to the end, where the candidate is at a body of which no output tells: that is led there by and by."""
+    std = problem.weights.W.get(place)
+    if begin is None or std is None or place not in hidden(problem):
+        return problem, begin
+    for factor in LOOSE:
+        looser = replace(problem, weights=replace(problem.weights, W={**problem.weights.W, place: factor * std}))
+        result = smooth(looser, settings=settings, begin=begin)
+        if result.solution is None or not np.all(np.isfinite(result.solution.solved.decisions)):
+            break
+        problem, begin = settled(problem, result), result.solution
+    return problem, begin
+
+
+def hidden(problem: Problem) -> set[str]:
+    """Places of bodies of which no output tells."""
+    plain = problem.plain
+    return {plain.dae.places[k].name for k in moving_unseen(plain)}
+
+
+def with_weights_of(begin: Solution, problem: Problem) -> Problem:
+    """The problem with the residual forces' deviations of a solution, of all places that both have."""
+    t, places = begin.transcription, {p.name for p in problem.posed.dae.places}
+    found = {t.dae.places[k].name: float(std) for k, std in zip(t.soft, t.force_std_at(begin.values).min(axis=1), strict=True)}
+    W = {name: std for name, std in found.items() if name in places}
+    return replace(problem, weights=replace(problem.weights, W=W | dict(problem.weights.W)))
 
 
 def settled(problem: Problem, result: Smoothing) -> Problem:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import pickle
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import nan
 from typing import Any
@@ -16,11 +18,13 @@ from backsight.models import Model
 
 from ..problem import Problem
 from ..results import Smoothing
+from ..smoothing.program import Settings
+from ..smoothing.smoother import OutOfTime, smooth
 from .candidates import Candidate
-from .choice import RIVAL, SAME, chosen, sound
+from .choice import RIVAL, SAME, chosen, coloured, held_unseen, sound
 from .keep import Keep
 from .library import library
-from .refit import Fitted, begun, evidence, fitted, settled
+from .refit import QUICKLY, Fitted, begun, evidence, fitted, hidden, settled
 from .regimes import Regime, regime
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -39,7 +43,10 @@ UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than t
 
 @dataclass
 class Search:
-    """What the search has found so far: the problem with it, its model and its smoothing."""
+    """What the search has found so far: the problem with it, its model and its smoothing.
+
+    settings: of the fits. end: on the clock of `time.time`, when it ends with what it has.
+    """
 
     problem: Problem
     model: Model
@@ -47,6 +54,8 @@ class Search:
     say: Progress
     pool: Executor
     kept: Keep
+    settings: Settings = QUICKLY
+    end: float = math.inf
     findings: list[Finding] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
@@ -56,9 +65,16 @@ class Search:
     named: list[set[str]] = field(default_factory=list)
 
     def run(self) -> None:
-        """Rounds, until nothing more is found."""
-        for number in range(EFFECTS + 1):
-            self.say(f"round {number + 1}: scores")
+        """Rounds until nothing more is found; once more with weights from the data where they were held, for what those hide."""
+        last = self._rounds()
+        if not self.settings.weigh and self._weighed():
+            last = self._rounds()
+        self._limits(*last)
+
+    def _rounds(self) -> tuple[Screen, Sizes]:
+        """Rounds until nothing more is found; the last scores, and sizes of what is left."""
+        while True:
+            self.say(f"round {len(self.findings) + 1}: scores")
             if self.result.solution is None:
                 raise ValueError("a smoothed model has its solution")
             base = Linearised(self.result.solution)
@@ -67,18 +83,41 @@ class Search:
             found = screen(base, looks)
             sizes = Sizes(self.problem, self.result, base)
             self.left = sizes.left
-            if not number:
-                self.first_left = sizes.left
-            if number == EFFECTS or not self._round(base, found, sizes, candidates):
-                self._limits(found, sizes)
-                return
+            self.first_left = self.first_left or sizes.left
+            if time.time() > self.end:
+                self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+                return found, sizes
+            if len(self.findings) >= EFFECTS or not self._round(base, found, sizes, candidates):
+                return found, sizes
+
+    def _weighed(self) -> bool:
+        """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these."""
+        self.say("weights from the data")
+        problem, left = settled(self.problem, self.result), self.end - time.time()
+        name = self.kept.name(repr(("weighed", [f.change for f in self.findings])))
+        part = self.kept.get(name)
+        if part is None and left > 0:
+            try:
+                result = smooth(problem, settings=replace(QUICKLY, seconds=left / 2), begin=self.result.solution, progress=self.say)
+            except OutOfTime:
+                return False
+            part = result, result.solution
+            self.kept.put(name, part)
+        if part is None or not part[0].solver.converged:
+            return False
+        self.problem, self.result, self.settings = problem, replace(part[0], solution=part[1]), QUICKLY
+        return True
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
         now = evidence(self.problem, self.result)
-        fits = self._fits([(s.candidate, s) for s in chosen(found, sizes)])
-        if not self._explains(fits, now) and max(sizes.left.values(), default=0.0) > FLOOR:
-            most = max(sizes.left.values())
+        worth = chosen(found, sizes)
+        if worth:
+            rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
+            worth += held_unseen(found, worth, hidden(self.problem) - rests)
+        fits = self._fits([(s.candidate, s) for s in worth])
+        most = max(sizes.left.values(), default=0.0)
+        if not self._explains(fits, now) and (most > FLOOR or (self.settings.weigh and coloured(self.result))):
             fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
@@ -100,7 +139,7 @@ class Search:
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
         futures = {
-            name: self.pool.submit(fit, blob, c.sent, start)
+            name: self.pool.submit(fit, blob, c.sent, start, self.settings, self.end)
             for name, (c, _), start in zip(names, wanted, starts, strict=True)
             if name not in found
         }
@@ -249,10 +288,13 @@ def _change(c: Candidate, f: Fitted) -> list[str]:
     return said + [f"{name} = 0" for name in c.absorbs]
 
 
-def fit(blob: bytes, candidate: Candidate, start: dict[str, float]) -> Fitted:
-    """A candidate's fit, in a worker."""
+def fit(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float) -> Fitted:
+    """A candidate's fit, in a worker; `end`: on this machine's `time.time`."""
     problem, model, solution = _shared(blob)
-    return fitted(problem, model, solution, candidate, start)
+    left = min(settings.seconds, end - time.time())
+    if left <= 0:
+        return Fitted(candidate=candidate, failed="no time was left")
+    return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left))
 
 
 @lru_cache(maxsize=1)

@@ -20,7 +20,6 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 RESOLUTION = 0.8  # mesh step times the fastest mode of the smoother
 LONGEST = 5.0  # mesh step over the sampling interval, at most
 FOLLOWED = (5, 2, 1)  # sampling intervals in one of the mesh on which samples are followed: whole ones, for an input steps at samples
-FINEST = 0.5  # and at least
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
 STEPS_FOLLOWED = 1.0  # the same where samples are but followed
 LOOKED_AT = 40  # places of a recording where the model is linearised
@@ -94,8 +93,9 @@ def mesh(
     parameters: Array,
     degree: int,
     step: float | None,
+    finest: float,
 ) -> Meshed:
-    """Meshes for all fitted recordings.
+    """Meshes for all fitted recordings, of steps of `finest` sampling intervals at least, but for steps of the input.
 
     A given step [s] is taken as it is. Else: step * (fastest mode of the smoother) <= RESOLUTION at the given weights; knots where the
     input steps, as far as an output could notice.
@@ -119,7 +119,7 @@ def mesh(
         least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
         at_once = direct_share(places, std, density) > DIRECT
         longest = 1.0 if rigid_here else LONGEST
-        own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, FINEST * dt, longest * dt))
+        own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, finest * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.start, step or own)
         if at_once and step is None:
             # a reading and the motion share a white force where it is the mean over one interval (`ocp/pieces.py`)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -27,16 +28,22 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Settings:
     """Numerics of a smoothing run; the defaults choose by themselves.
 
-    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for collocation. step: mesh step [s]. check_mesh:
+    method: "spline", "collocation" or "auto". degree: K, by itself 2 for splines and 3 for collocation. step: mesh step [s]; finest: the
+    least that is chosen, in sampling intervals. check_mesh:
     whether its error is measured, and mended by a finer one; without, states are as good as weights ask for and nothing is known of the
-    error. hasty: weights from the data move on before a solve has ended. options: of the solver.
+    error. hasty: weights from the data move on before a solve has ended. weigh: whether weights that nobody gave come from the data;
+    without, residual forces have the share of their balances' forces that the start has found. seconds: after which `OutOfTime` is raised.
+    options: of the solver.
     """
 
     method: Literal["auto", "spline", "collocation"] = "auto"
     degree: int | None = None
     step: float | None = None
+    finest: float = 0.5
     check_mesh: bool = True
     hasty: bool = False
+    weigh: bool = True
+    seconds: float = math.inf
     options: Options = field(default_factory=Options)
 
 

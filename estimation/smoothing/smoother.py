@@ -5,6 +5,7 @@ recordings -> follow the samples -> mesh -> program -> weights left out (iterate
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from backsight.models.errors import SolveError
 from backsight.ocp import Horizon, Options, Solution, Status
 from backsight.ocp.follow import Followed
 
@@ -53,10 +55,13 @@ def smooth(
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
     converge: `solver.converged` tells. settings: numerics (default: chosen). begin: a solution of the same recordings by a model with the
     same states and algebraic variables, from whose trajectories, weights and mesh it starts; the guesses are taken for what they are.
-    Raises InputError for a problem that cannot be posed.
+    Raises InputError for a problem that cannot be posed, OutOfTime after `settings.seconds`.
     """
 
     settings, say = settings or Settings(), progress or (lambda _: None)
+    if settings.seconds < math.inf:
+        settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))
+        say = _until(time.monotonic() + settings.seconds, say)
 
     def once(posed: Problem) -> Smoothing:
         return _smoothed(posed, settings, begin, say)
@@ -67,6 +72,21 @@ def smooth(
     say("predicting what was held out")
     held_out, notes = predict(posed, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
     return replace(result, held_out=held_out, notes=(*result.notes, *notes))
+
+
+class OutOfTime(SolveError):
+    """A smoothing that has taken as long as it may."""
+
+
+def _until(end: float, say: Callable[[str], None]) -> Callable[[str], None]:
+    """`say`, which comes at every step of the way and raises OutOfTime from then on."""
+
+    def said(line: str) -> None:
+        if time.monotonic() > end:
+            raise OutOfTime("Stopped at its limit of time.")
+        say(line)
+
+    return said
 
 
 def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say: Callable[[str], None]) -> Smoothing:
@@ -92,6 +112,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
         floor = {k: RIGID * std / begun.share for k, std in force_std.items()}
     else:
         force_std = balance(plain, followed, start).force_std
+    if not settings.weigh:
+        given = {**force_std, **given}
     for index, width in smoothing_widths(plain, laws, followed).items():
         parameters[index] = start[index] = width
     parameters = measured_by(problem, parameters, start)
@@ -116,7 +138,10 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
             # guesses far too large make forces that are none
             now = exact_forces(problem, followed, start)
             work = replace(work, floor={k: min(std, now[k]) for k, std in floor.items()})
-    meshed = work.meshed(followed, stds, force_std, start)
+    if begin is not None and not settings.weigh:  # the same problem but for the model: its evidence is to be compared
+        meshed = Meshed(horizons=list(followed.horizons), rigid=False, least_std={})
+    else:
+        meshed = work.meshed(followed, stds, force_std, start)
     if meshed.rigid and set(given) == set(force_std):
         force_std = {}
     program = work.program(meshed.horizons, followed, force_std, start)
@@ -155,7 +180,9 @@ class _Work:
 
     def meshed(self, followed: Followed, stds: Stds, force_std: dict[int, float], parameters: Array) -> Meshed:
         """Meshes for these weights."""
-        found = mesh(self.problem, followed, stds, force_std, parameters, self.settings.degree or 2, self.settings.step)
+        found = mesh(
+            self.problem, followed, stds, force_std, parameters, self.settings.degree or 2, self.settings.step, self.settings.finest
+        )
         self.say(f"mesh of {_intervals(found.horizons)} intervals")
         return found
 

@@ -7,6 +7,7 @@ import pytest
 from examples import compiled, number, random_horizon, stiffening
 
 from backsight.ocp import Options, ParameterPrior, Solved, Solver, Status, transcribe
+from backsight.ocp.ipopt import FixedPoint
 
 DAE = compiled(stiffening())
 PARAMETERS = np.array([p.value for p in DAE.parameters])
@@ -88,3 +89,21 @@ def test_the_same_program_gives_the_same_bits():
     one, two = solve()[1], solve()[1]
     assert np.array_equal(one.decisions, two.decisions)
     assert np.array_equal(one.multipliers, two.multipliers)
+
+
+@pytest.mark.parametrize("slope", [-1.0, -3.0, 0.5, -0.2])  # of answers over what they are referred to: to and fro, away, on one side
+def test_a_fixed_point_is_found_however_the_answers_go_about_it(slope):
+    truth, p, sought = np.array([2.0, 0.05]), np.array([2.4, 0.06]), FixedPoint(1e-6)
+    for count in range(40):  # noqa: B007
+        answer = truth + slope * (p - truth)
+        if sought.reached(p, answer):
+            break
+        p = sought.next()
+    assert np.allclose(answer, truth, rtol=1e-5)
+    assert count <= (25 if slope > 0 else 10)
+
+
+def test_a_solve_that_may_take_no_time_stops_at_a_limit_and_its_numbers_are_finite():
+    _, solved = solve(Options(seconds=1e-9))
+    assert solved.status is Status.ITERATIONS
+    assert np.all(np.isfinite(solved.decisions))

@@ -25,7 +25,7 @@ def meshed(force_std: float, *, std: float = 1e-3, step: float | None = None, dt
     problem = Problem(model=MODEL, recordings=[recording], parameters={"mass.m": Free(2.0)}, weights=Weights(W={"mass": force_std}))
     stds, _ = output_stds(problem)
     followed = follow(MODEL, [make_horizon(MODEL, recording, stds[0], {}, 2 * LONGEST * dt)], problem.values)
-    return mesh(problem, followed, stds, {0: force_std}, problem.values, 2, step)
+    return mesh(problem, followed, stds, {0: force_std}, problem.values, 2, step, 0.5)
 
 
 def test_a_step_that_is_given_is_taken():

@@ -13,7 +13,7 @@ from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, 
 from scipy.linalg import expm
 
 from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.smoothing.smoother import Settings
+from backsight.estimation.smoothing.smoother import OutOfTime, Settings
 from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
 from backsight.ocp import Options
@@ -410,3 +410,20 @@ def test_the_recorded_axis_gives_its_published_parameters():
     s = smooth(Problem(model=actuator(), recordings=[recording], parameters=free))
     assert s.solver.converged
     assert s.parameters["carriage.m"].value == pytest.approx(95.1, rel=0.03)
+
+
+def test_a_smoothing_that_may_take_no_time_says_so():
+    with pytest.raises(OutOfTime, match="limit of time"):
+        fit([operate(3)], settings=Settings(seconds=0.0))
+
+
+def test_without_weighing_forces_keep_the_share_of_the_start_and_with_it_they_are_as_the_data_say():
+    made = operate(3, n=600)
+    held = fit([made], W=None, settings=Settings(check_mesh=False, weigh=False))
+    weighed = fit([made], W=None, settings=Settings(check_mesh=False))
+    assert held.solver.converged
+    assert weighed.weights.W["mass"] == pytest.approx(FORCE_STD, rel=0.5)
+    force = np.sqrt(np.mean(made.recording.inputs["F"] ** 2))
+    # some percent of forces of the size of the input, over intervals of one to five samples
+    assert 0.003 * force < held.weights.W["mass"] / np.sqrt(0.03) < 0.1 * force
+    assert held.weights.W["mass"] != pytest.approx(weighed.weights.W["mass"], rel=0.2)

@@ -1,0 +1,87 @@
+"""Friction at a load of which no output tells: an encoder on the motor alone, a soft shaft between, simulated by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation import Free, Problem, Recording
+from backsight.estimation.diagnosis import diagnose
+from backsight.estimation.diagnosis.refit import hidden
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
+
+MOTOR, LOAD, STIFFNESS, DAMPING, BEARING = 2e-3, 8e-3, 40.0, 0.01, 0.05
+STEP, FINER, NOISE, DURATION = 0.004, 40, 1e-3, 4.0
+
+
+def drive() -> Model:
+    """Motor, shaft, load and a viscous bearing."""
+    return Model(
+        name="drive",
+        components={
+            "source": Torque(),
+            "motor": Inertia(J=MOTOR),
+            "shaft": RotationalSpringDamper(k=STIFFNESS, d=DAMPING),
+            "load": Inertia(J=LOAD),
+            "bearing": RotationalDamper(d=BEARING),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("source.flange", "motor.flange"),
+            ("encoder.flange", "motor.flange"),
+            ("motor.flange", "shaft.flange_a"),
+            ("shaft.flange_b", "load.flange"),
+            ("load.flange", "bearing.flange_a"),
+            ("bearing.flange_b", "ground.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi"},
+    )
+
+
+def recorded(friction: float, seed: int = 0) -> Recording:
+    """Semi-implicit Euler with forty steps a sample; friction is the impulse that stops the load, if it may be as large (Moreau)."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, DURATION, STEP)
+    torque = 0.5 * np.sin(2 * np.pi * 0.8 * t) + 0.8 * np.repeat(rng.uniform(-1, 1, 41), 25)[: len(t)]
+    phi, omega, angles, h = np.zeros(2), np.zeros(2), np.zeros(len(t)), STEP / FINER
+    for i, u in enumerate(torque):
+        angles[i] = phi[0]
+        for _ in range(FINER):
+            twist = STIFFNESS * (phi[0] - phi[1]) + DAMPING * (omega[0] - omega[1])
+            omega[0] += h * (u - twist) / MOTOR
+            free = omega[1] + h * (twist - BEARING * omega[1]) / LOAD
+            omega[1] = np.sign(free) * max(abs(free) - h * friction / LOAD, 0.0)
+            phi = phi + h * omega
+    noisy = angles + NOISE * rng.standard_normal(len(t))
+    return Recording(name="run", time=t, inputs={"tau": torque}, outputs={"phi": noisy}, output_std={"phi": NOISE})
+
+
+def posed(friction: float) -> Problem:
+    free = {"motor.J": Free(1.3 * MOTOR), "load.J": Free(0.8 * LOAD), "shaft.k": Free(1.2 * STIFFNESS), "bearing.d": Free(0.7 * BEARING)}
+    return Problem(model=drive(), recordings=[recorded(friction)], parameters=free)
+
+
+def test_the_place_of_which_no_output_tells_is_the_load():
+    problem = posed(0.0)
+    assert hidden(Problem(model=compile_model(drive()), recordings=problem.recordings, parameters=problem.parameters)) == {"load"}
+
+
+def test_friction_that_holds_a_load_that_nobody_sees_is_found_there():
+    d = diagnose(posed(0.15), jobs=2)
+    assert d.verdict == "missing_physics"
+    found = d.findings[0].explanation
+    assert found.place == "load"
+    assert found.family == "friction"
+    level = next(s for word, s in found.parameters.items() if word in ("tau_c", "tau_s"))
+    assert level.value == pytest.approx(0.15, rel=0.1)
+    assert d.held_out is not None
+    assert d.held_out.improvement_percent > 20
+
+
+def test_a_load_without_friction_gets_none():
+    d = diagnose(posed(0.0), jobs=2)
+    assert d.verdict == "none"
+    assert d.findings == ()
