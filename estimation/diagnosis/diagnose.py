@@ -30,7 +30,7 @@ from .search import Progress, Search
 from .verdict import Diagnosis
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
-SEARCH = 600.0  # s, of the search
+SEARCH = 840.0  # s, from the beginning to the end of the search
 
 
 def diagnose(
@@ -47,8 +47,8 @@ def diagnose(
 
     jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished fits stay, so that an
     interrupted diagnosis goes on. seed: goes into the results; nothing is drawn yet. seconds: after which the search ends with what it has
-    and says so; the proof comes after it. Raises InputError where the problem cannot be smoothed at all, or its model is not made of
-    components.
+    and says so; the proof comes after it and has a limit of its own. Raises InputError where the problem cannot be smoothed at all, or its
+    model is not made of components.
     """
     began, say = time.perf_counter(), progress or (lambda _: None)
     if not isinstance(problem.model, Model):
@@ -58,7 +58,7 @@ def diagnose(
     with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
         first, settings = _base(posed, kept, say)
-        end = time.time() + seconds
+        end = time.time() + seconds - (time.perf_counter() - began)
         search = Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept, settings=settings, end=end)
         search.run()
     verdict = search.verdict()

@@ -19,6 +19,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 RESOLUTION = 0.8  # mesh step times the fastest mode of the smoother
 LONGEST = 5.0  # mesh step over the sampling interval, at most
+FINEST = 0.5  # and at least, where nobody says otherwise
 FOLLOWED = (5, 2, 1)  # sampling intervals in one of the mesh on which samples are followed: whole ones, for an input steps at samples
 STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move between two knots without a knot of its own
 STEPS_FOLLOWED = 1.0  # the same where samples are but followed

@@ -18,6 +18,7 @@ from backsight.ocp.scaling import scaled
 from ..problem import Free, Problem
 from ..supposed import input_spread
 from .initial_guess import start_decisions
+from .meshing import FINEST
 from .rest import FrictionLaw, open_at_rest, with_room
 from .robust import Losses, solve_robustly
 
@@ -39,7 +40,7 @@ class Settings:
     method: Literal["auto", "spline", "collocation"] = "auto"
     degree: int | None = None
     step: float | None = None
-    finest: float = 0.5
+    finest: float = FINEST
     check_mesh: bool = True
     hasty: bool = False
     weigh: bool = True
