@@ -18,7 +18,7 @@ from backsight.ocp import Options, Solution
 from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.program import Settings
-from ..smoothing.smoother import smooth
+from ..smoothing.smoother import OutOfTime, smooth
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .screen import Screened
@@ -33,7 +33,7 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """A candidate after its fit. model: with it; failed: why there is no result."""
+    """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time."""
 
     candidate: Candidate
     problem: Problem | None = None
@@ -41,6 +41,7 @@ class Fitted:
     result: Smoothing | None = None
     solution: Solution | None = None
     failed: str = ""
+    late: bool = False
 
     @property
     def whole(self) -> Smoothing | None:
@@ -130,13 +131,12 @@ def fitted(
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        there = _same_states(begin, now)
+        there, weighed = _same_states(begin, now), now
         if not settings.weigh:
-            now = with_weights_of(begin, now)
-            now, there = _loosely(now, there, candidate.place, settings)
-        result = smooth(now, settings=settings, begin=there)
+            weighed, there = _loosely(with_weights_of(begin, now), there, candidate.place, settings)
+        result = smooth(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return Fitted(candidate=candidate, failed=str(error))
+        return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)
 
 

@@ -135,7 +135,7 @@ class Search:
         values = {p.name: p.value for p in self.result.parameters.values()}
         blob = pickle.dumps((settled(self.problem, self.result), self.model, self.result.solution))
         starts = [begun(c, s, values) for c, s in wanted]
-        before = repr((sorted(values.items()), [f.change for f in self.findings]))
+        before = repr((sorted(values.items()), [f.change for f in self.findings], self.settings.weigh))
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
         futures = {
@@ -148,7 +148,8 @@ class Search:
             self.say(f"fit {len(fits) + 1} of {len(wanted)}: {c.title}")
             if name not in found:
                 found[name] = futures[name].result()
-                self.kept.put(name, found[name])
+                if not found[name].late:
+                    self.kept.put(name, found[name])
             fits.append((c, s, found[name]))
         return fits
 
@@ -289,11 +290,11 @@ def _change(c: Candidate, f: Fitted) -> list[str]:
 
 
 def fit(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float) -> Fitted:
-    """A candidate's fit, in a worker; `end`: on this machine's `time.time`."""
+    """A candidate's fit, in a worker; `end`: on the clock of `time.time`."""
     problem, model, solution = _shared(blob)
     left = min(settings.seconds, end - time.time())
     if left <= 0:
-        return Fitted(candidate=candidate, failed="no time was left")
+        return Fitted(candidate=candidate, failed="no time was left", late=True)
     return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left))
 
 
