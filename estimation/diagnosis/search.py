@@ -62,14 +62,21 @@ class Search:
     first_left: dict[str, float] = field(default_factory=dict)
     left: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    named: list[set[str]] = field(default_factory=list)
+    accepted: list[Candidate] = field(default_factory=list)
 
     def run(self) -> None:
         """Rounds until nothing more is found; once more with weights from the data where they were held, for what those hide."""
         last = self._rounds()
         if not self.settings.weigh and self._weighed():
             last = self._rounds()
+        self._renew()
         self._limits(*last)
+
+    def _renew(self) -> None:
+        """What was found first has the numbers that it has beside what was found later."""
+        for k, (finding, c) in enumerate(zip(self.findings, self.accepted, strict=True)):
+            explanation = replace(finding.explanation, parameters=_strengths(c, self.result))
+            self.findings[k] = replace(finding, explanation=explanation, change="; ".join(_change(c, self.result)))
 
     def _rounds(self) -> tuple[Screen, Sizes]:
         """Rounds until nothing more is found; the last scores, and sizes of what is left."""
@@ -165,7 +172,7 @@ class Search:
 
     def _remember(self, fits: list[Judged], now: float) -> None:
         for c, s, f in fits:
-            explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f))
+            explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result))
             gained = f.evidence - now if np.isfinite(f.evidence) else None
             self.tried.append(Tried(explanation=explanation, predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
 
@@ -186,7 +193,7 @@ class Search:
             if d.key == c.key:
                 continue
             gap = f.evidence - g.evidence
-            e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g))
+            e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g.result))
             if gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
                 rivals.append(e)
             elif np.isfinite(gap):
@@ -202,15 +209,15 @@ class Search:
         acts = regime(base, s.look) if s is not None else Regime(words="whole record", onset=None)
         share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
         gone = {name.partition(".")[0] for name in c.absorbs}
-        self.findings = [old for old, names in zip(self.findings, self.named, strict=True) if not names & gone]
-        self.named = [names for names in self.named if not names & gone]
-        self.named.append({path.partition(".")[0] for path in c.named.values()})
+        stay = [not {path.partition(".")[0] for path in old.named.values()} & gone for old in self.accepted]
+        self.findings = [old for old, there in zip(self.findings, stay, strict=True) if there]
+        self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
         self.findings.append(
             Finding(
-                explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f)),
+                explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
                 p_value=found.chance(s.gain) if s is not None else nan,
                 gain=float(f.evidence - now),
-                change="; ".join(_change(c, f)),
+                change="; ".join(_change(c, f.result)),
                 share=share,
                 regime=acts.words,
                 onset=acts.onset,
@@ -272,19 +279,19 @@ def _class(family: str) -> Class:
     return classes.get(family, "missing_physics")
 
 
-def _strengths(c: Candidate, f: Fitted) -> dict[str, Strength]:
-    if f.result is None:
+def _strengths(c: Candidate, result: Smoothing | None) -> dict[str, Strength]:
+    if result is None:
         return {}
     return {
         word: Strength(value=p.value, std=p.std, unit=p.unit)
         for word, path in c.named.items()
-        if (p := f.result.parameters.get(path)) is not None
+        if (p := result.parameters.get(path)) is not None
     }
 
 
-def _change(c: Candidate, f: Fitted) -> list[str]:
+def _change(c: Candidate, result: Smoothing | None) -> list[str]:
     said = [edit.words for edit in c.edits]
-    values = {} if f.result is None else {p: f.result.parameters[p].value for p in c.named.values() if p in f.result.parameters}
+    values = {} if result is None else {p: result.parameters[p].value for p in c.named.values() if p in result.parameters}
     said += [f"{name} = {value:.6g}" for name, value in values.items()]
     return said + [f"{name} = 0" for name in c.absorbs]
 
