@@ -6,8 +6,12 @@ states of its own starts where the base model arrived; one with states from the 
 
 from __future__ import annotations
 
+import pickle
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -138,6 +142,20 @@ def fitted(
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)
+
+
+def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float) -> Fitted:
+    """`fitted` in a worker, of the pickled (problem, model, solution); `end`: on the clock of `time.time`."""
+    problem, model, solution = _shared(blob)
+    left = min(settings.seconds, end - time.time())
+    if left <= 0:
+        return Fitted(candidate=candidate, failed="no time was left", late=True)
+    return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left))
+
+
+@lru_cache(maxsize=1)
+def _shared(blob: bytes) -> Any:
+    return pickle.loads(blob)
 
 
 def _loosely(problem: Problem, begin: Solution | None, place: str, settings: Settings) -> tuple[Problem, Solution | None]:

@@ -8,9 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from math import nan
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +22,7 @@ from .candidates import Candidate
 from .choice import RIVAL, SAME, chosen, coloured, held_unseen, sound
 from .keep import Keep
 from .library import library
-from .refit import QUICKLY, Fitted, begun, evidence, fitted, hidden, settled
+from .refit import QUICKLY, Fitted, begun, evidence, fitted_there, hidden, settled
 from .regimes import Regime, regime
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -146,7 +144,7 @@ class Search:
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
         futures = {
-            name: self.pool.submit(fit, blob, c.sent, start, self.settings, self.end)
+            name: self.pool.submit(fitted_there, blob, c.sent, start, self.settings, self.end)
             for name, (c, _), start in zip(names, wanted, starts, strict=True)
             if name not in found
         }
@@ -294,17 +292,3 @@ def _change(c: Candidate, result: Smoothing | None) -> list[str]:
     values = {} if result is None else {p: result.parameters[p].value for p in c.named.values() if p in result.parameters}
     said += [f"{name} = {value:.6g}" for name, value in values.items()]
     return said + [f"{name} = 0" for name in c.absorbs]
-
-
-def fit(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float) -> Fitted:
-    """A candidate's fit, in a worker; `end`: on the clock of `time.time`."""
-    problem, model, solution = _shared(blob)
-    left = min(settings.seconds, end - time.time())
-    if left <= 0:
-        return Fitted(candidate=candidate, failed="no time was left", late=True)
-    return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left))
-
-
-@lru_cache(maxsize=1)
-def _shared(blob: bytes) -> Any:
-    return pickle.loads(blob)

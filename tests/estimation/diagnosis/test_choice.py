@@ -1,0 +1,48 @@
+"""Which candidates are worth a fit, and which results say that something is left out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from concealed_axis import posed, run
+
+from backsight.estimation import smooth
+from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.choice import coloured, held_unseen, simpler_there
+from backsight.estimation.diagnosis.score import Columns
+from backsight.estimation.diagnosis.screen import Screen, Screened
+from backsight.estimation.diagnosis.supermodel import Look
+
+
+def screened(place: str, physics: str, gain: float, size: int = 1) -> Screened:
+    c = Candidate(place=place, family="friction", physics=physics, strengths=tuple(f"{physics}.{i}" for i in range(size)))
+    nothing = Columns(squares=np.zeros((0, size)), multiplied=np.zeros((0, size)))
+    return Screened(look=Look(candidate=c, shape={}, columns=nothing), gain=gain, estimate=np.ones(size), std=np.ones(size), freedom=size)
+
+
+def screen(*found: Screened) -> Screen:
+    return Screen(found=found, looks=Counter({1: len(found)}), G=np.empty((0, 0)), plain=np.empty(0), columns=())
+
+
+def test_friction_that_may_hold_an_unseen_body_is_fitted_whatever_its_score_and_once():
+    seen, unseen = screened("table", "coulomb_friction", 90.0), screened("bit", "coulomb_friction", 0.1)
+    other, stribeck = screened("bit", "spring", 0.1), screened("bit", "stribeck_friction", 70.0)
+    found = screen(seen, stribeck, unseen, other)
+    assert held_unseen(found, [seen], {"bit"}) == [stribeck, unseen]
+    assert held_unseen(found, [seen, stribeck], {"bit"}) == [unseen]
+    assert held_unseen(found, [seen], set()) == []
+
+
+def test_what_gains_no_more_with_more_parameters_is_left_to_a_later_round():
+    simple, larger = screened("table", "viscous_friction", 50.0), screened("table", "asymmetric_friction", 52.0, size=2)
+    assert simpler_there(larger, [simple, larger])
+    assert not simpler_there(replace(larger, gain=54.0), [simple, larger])
+    assert not simpler_there(larger, [screened("elsewhere", "viscous_friction", 50.0), larger])
+
+
+@pytest.mark.parametrize(("friction", "told"), [(0.0, False), (20.0, True)])
+def test_prediction_errors_tell_what_is_left_out_and_nothing_where_nothing_is(friction, told):
+    assert coloured(smooth(posed(run(2.0, 2e-3, f_c=friction), W={"carriage": 0.05}))) is told
