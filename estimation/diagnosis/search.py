@@ -67,6 +67,8 @@ class Search:
         last = self._rounds()
         if not self.settings.weigh and self._weighed():
             last = self._rounds()
+        if time.time() > self.end:
+            self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._renew()
         self._limits(*last)
 
@@ -89,10 +91,7 @@ class Search:
             sizes = Sizes(self.problem, self.result, base)
             self.left = sizes.left
             self.first_left = self.first_left or sizes.left
-            if time.time() > self.end:
-                self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
-                return found, sizes
-            if len(self.findings) >= EFFECTS or not self._round(base, found, sizes, candidates):
+            if time.time() > self.end or len(self.findings) >= EFFECTS or not self._round(base, found, sizes, candidates):
                 return found, sizes
 
     def _weighed(self) -> bool:

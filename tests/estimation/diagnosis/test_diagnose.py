@@ -157,3 +157,11 @@ def test_a_compiled_model_has_no_places_and_is_refused_in_words():
     problem = case(0.2)
     with pytest.raises(InputError, match=r"compiled Dae, which has no places.*give the Model itself"):
         diagnose(replace(problem, model=compile_model(problem.model)), jobs=1)
+
+
+def test_a_search_without_time_names_nothing_and_says_why():
+    d = diagnose(case(f_c=20.0), jobs=1, seconds=0.0)
+    assert d.verdict == "unknown_physics"  # the place needs no fit
+    assert d.findings[0].explanation.place == "carriage"
+    assert d.tried == ()
+    assert any("limit of time" in note for note in d.notes)
