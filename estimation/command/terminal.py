@@ -72,7 +72,7 @@ def diagnosis_table(found: Diagnosis) -> Table:
     for heading in ("finding", "", "when", "p"):
         table.add_column(heading)
     for f in found.findings:
-        chance = f"{f.p_value:.2g}" if isfinite(f.p_value) else ""
+        chance = ("< 1e-12" if f.p_value < 1e-12 else f"{f.p_value:.2g}") if isfinite(f.p_value) else ""
         table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), chance)
         for rival in f.rivals:
             table.add_row(escape(f"  or {rival.words}"), escape(numbers(rival.parameters)))

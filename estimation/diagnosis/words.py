@@ -76,7 +76,7 @@ def gain(held: HeldOut | None) -> str:
         return ""
     size, where = held.improvement_percent, listed(held.recordings) or held.role
     less = f"{abs(size):.3g} % {'smaller' if size >= 0 else 'larger'}"
-    chance = "" if not math.isfinite(held.p_value) else f" (p = {held.p_value:.2g})"
+    chance = "" if not math.isfinite(held.p_value) else " (p < 1e-12)" if held.p_value < 1e-12 else f" (p = {held.p_value:.2g})"
     return f" On {where}, which the fit has not seen, prediction errors are {less} with it{chance}." if size else ""
 
 
