@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from backsight.models import Component, Dae, Equation, Model, Parameter, Translational, Variable, compile_model, equal, law
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
 from backsight.models.mechanics.translational import (
     AccelerationSensor,
     ConstantForce,
@@ -102,6 +103,32 @@ def shaken() -> Model:
 def stiffening() -> Model:
     """Actuator lag, an algebraic deflection, rounded friction: nonlinear, position and velocity measured."""
     return _on_mass("stiffening", LaggedForce(), StiffeningSpring(), {"x": "sensor.s", "v": "speed.v"}, {"friction": RoundedFriction()})
+
+
+def soft_drive() -> Model:
+    """Motor, soft shaft, load and a viscous bearing, with an encoder on the motor alone."""
+    return Model(
+        name="drive",
+        components={
+            "source": Torque(),
+            "motor": Inertia(J=2e-3),
+            "shaft": RotationalSpringDamper(k=40.0, d=0.01),
+            "load": Inertia(J=8e-3),
+            "bearing": RotationalDamper(d=0.05),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("source.flange", "motor.flange"),
+            ("encoder.flange", "motor.flange"),
+            ("motor.flange", "shaft.flange_a"),
+            ("shaft.flange_b", "load.flange"),
+            ("load.flange", "bearing.flange_a"),
+            ("bearing.flange_b", "ground.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi"},
+    )
 
 
 def compiled(model: Model) -> Dae:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -66,14 +65,13 @@ def weight_table(found: Weighing) -> Table:
 
 def diagnosis_table(found: Diagnosis) -> Table:
     """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, and the proof."""
-    from ..diagnosis.words import numbers, sentence, when
+    from ..diagnosis.words import chance, numbers, sentence, when
 
     table = Table(title=f"{found.after.model}: {escape(sentence(found))}", title_justify="left", box=None, pad_edge=False)
     for heading in ("finding", "", "when", "p"):
         table.add_column(heading)
     for f in found.findings:
-        chance = ("< 1e-12" if f.p_value < 1e-12 else f"{f.p_value:.2g}") if isfinite(f.p_value) else ""
-        table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), chance)
+        table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), chance(f.p_value))
         for rival in f.rivals:
             table.add_row(escape(f"  or {rival.words}"), escape(numbers(rival.parameters)))
     if held := found.held_out:

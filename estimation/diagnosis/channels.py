@@ -82,31 +82,21 @@ class _Channel:
 
     def linear(self, fault: str, block: Component, parameter: str, start: tuple[float, float, float] | None = None) -> Candidate:
         """A block that is linear in a parameter."""
-        name = self.name(fault)
-        path = f"{name}.{parameter}"
-        return Candidate(
-            place=self.place,
-            family=self.family,
-            physics=f"{self.word}_{fault}",
-            edits=(Insert(place=self.place, component=block, name=name),),
-            strengths=(path,),
-            start={path: start} if start else {},
-            named={parameter: path},
-        )
+        path, candidate = self._block(fault, block, parameter)
+        return replace(candidate, strengths=(path,), start={path: start} if start else {})
 
     def shaped(self, fault: str, block: Component, parameter: str, start: tuple[float, float, float], grid: Changes) -> Candidate:
         """A block that is not: value of its parameter -> what would be read with it."""
+        path, candidate = self._block(fault, block, parameter)
+        signals = tuple(Signal(of=self.place, changed=changed, start={path: value}) for value, changed in grid)
+        return replace(candidate, start={path: start}, signals=signals)
+
+    def _block(self, fault: str, block: Component, parameter: str) -> tuple[str, Candidate]:
+        """A block in the channel: the path of its parameter, and what they all have."""
         name = self.name(fault)
         path = f"{name}.{parameter}"
-        return Candidate(
-            place=self.place,
-            family=self.family,
-            physics=f"{self.word}_{fault}",
-            edits=(Insert(place=self.place, component=block, name=name),),
-            named={parameter: path},
-            start={path: start},
-            signals=tuple(Signal(of=self.place, changed=changed, start={path: value}) for value, changed in grid),
-        )
+        edits = (Insert(place=self.place, component=block, name=name),)
+        return path, Candidate(place=self.place, family=self.family, physics=f"{self.word}_{fault}", edits=edits, named={parameter: path})
 
     def slow(self, interval: float, duration: float, held: bool) -> list[Candidate]:
         """Lag and delay; held: whether values are held from row to row."""

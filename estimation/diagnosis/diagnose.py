@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from backsight.models import Model
@@ -19,7 +20,7 @@ from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.program import Settings
-from ..smoothing.smoother import OutOfTime, smooth
+from ..smoothing.smoother import smooth
 from ..smoothing.unseen import unseen_states
 from ..workers import workers
 from .keep import Keep
@@ -50,7 +51,7 @@ def diagnose(
     and says so; the proof comes after it and has a limit of its own. Raises InputError where the problem cannot be smoothed at all, or its
     model is not made of components.
     """
-    began, say = time.perf_counter(), progress or (lambda _: None)
+    began, end, say = time.perf_counter(), time.time() + seconds, progress or (lambda _: None)
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
@@ -58,7 +59,6 @@ def diagnose(
     with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
         first, settings = _base(posed, kept, say)
-        end = time.time() + seconds - (time.perf_counter() - began)
         search = Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept, settings=settings, end=end)
         search.run()
     verdict = search.verdict()
@@ -95,30 +95,16 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
     the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first.
     """
-    weighed, held = replace(Settings(), hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=Options())
+    weighed, held = Settings(hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=Options())
     ways = [(weighed, QUICKLY), (held, HELD)]
     if unseen_states(problem.plain):
         ways.reverse()
     result, status = None, "it took too long"
     for way, fits in ways:
         say("the model as it is" + ("" if way.weigh else ", with weights from the forces' sizes"))
-        result = _kept("weighed" if way.weigh else "held", problem, way, kept, say)
+        name = kept.name(f"the model as it is, {'weighed' if way.weigh else 'held'}")
+        result = kept.smoothed(name, partial(smooth, problem, settings=way, progress=say))
         if result is not None and result.solver.converged:
             return result, fits
         status = status if result is None else result.solver.status.rstrip(".")
     raise InputError(f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.")
-
-
-def _kept(how: str, problem: Problem, settings: Settings, kept: Keep, say: Progress) -> Smoothing | None:
-    """A smoothing of the problem, of its own or an earlier run; None where it took too long."""
-    name = kept.name(f"the model as it is, {how}")
-    part = kept.get(name)
-    if part is None:
-        try:
-            result = smooth(problem, settings=settings, progress=say)
-        except OutOfTime:
-            return None
-        part = result, result.solution
-        kept.put(name, part)
-    found: Smoothing = replace(part[0], solution=part[1])
-    return found

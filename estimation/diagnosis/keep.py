@@ -6,10 +6,9 @@ The files are pickles of this program for itself; they lie in a folder of its ow
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..problem import Problem
+from ..results import Smoothing
+from ..smoothing.smoother import OutOfTime
+from ..whole_files import written_whole
 from .candidates import Candidate
 
 DIGITS = 9  # of a number that tells one part from another
@@ -49,14 +51,21 @@ class Keep:
         if self.folder is None:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        handle, path = tempfile.mkstemp(dir=self.folder, suffix=".new")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                pickle.dump(part, file)
-            os.replace(path, self.folder / f"{name}.part")
-        except BaseException:
-            Path(path).unlink(missing_ok=True)
-            raise
+        with written_whole(self.folder / f"{name}.part") as file:
+            pickle.dump(part, file)
+
+    def smoothed(self, name: str, smoothing: Callable[[], Smoothing]) -> Smoothing | None:
+        """A smoothing with its solution, which a result alone leaves behind in a file; None where it ran out of time."""
+        part = self.get(name)
+        if part is None:
+            try:
+                result = smoothing()
+            except OutOfTime:
+                return None
+            part = result, result.solution
+            self.put(name, part)
+        found: Smoothing = replace(part[0], solution=part[1])
+        return found
 
 
 def _of_problem(problem: Problem) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from backsight.models import Dae, Model
 from backsight.models.mechanics.rotational import EccentricRack, Rack
-from backsight.ocp import Solution
+from backsight.ocp import Horizon, Solution
 
 from ..problem import Free, Problem
 from ..smoothing.along import along
@@ -52,18 +53,20 @@ def library(problem: Problem, model: Model, solution: Solution) -> list[Candidat
     for name in model.inputs:
         k = [q.name for q in dae.inputs].index(name)
         found += of_input(model, name, [h.inputs[:, k] for h in t.horizons], interval, duration)
-    read = [q.name for i, q in enumerate(dae.outputs) if any(np.isfinite(h.target[:, i]).any() for h in t.horizons)]
+    heard = {q.name: _heard(t.horizons, i) for i, q in enumerate(dae.outputs)}
+    read = [name for name, times in heard.items() if np.isfinite(times)]
     for name in read:
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
-        k = [q.name for q in dae.outputs].index(name)
-        heard = float(np.mean(np.concatenate([_squares(h.target[:, k] / h.target_std[:, k]) for h in t.horizons])))
-        found += of_sensor(model, name, others, interval, duration, scaled=heard > HEARD)
+        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD)
     return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters)
 
 
-def _squares(values: Array) -> Array:
-    return np.asarray(values[np.isfinite(values)] ** 2)
+def _heard(horizons: Sequence[Horizon], output: int) -> float:
+    """Mean square of an output's samples over that of its noise; NaN where there are none."""
+    relative = np.concatenate([h.target[:, output] / h.target_std[:, output] for h in horizons])
+    sampled = relative[np.isfinite(relative)]
+    return float(np.mean(sampled**2)) if len(sampled) else np.nan
 
 
 def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candidate:

@@ -23,7 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from backsight.models import SolveError
-from backsight.ocp import Options
+from backsight.ocp import Options, Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import linearise
 
@@ -84,6 +84,7 @@ class _Side:
 
     problem: Problem
     smoothed: Smoothing
+    solution: Solution
     errors: Sequence[Array] = ()
 
     @classmethod
@@ -106,7 +107,7 @@ class _Side:
         smoothed = smooth(fixed, settings=ROUGHLY)
         if smoothed.solution is None or not smoothed.solver.converged:
             raise SolveError(f"what was held out could not be smoothed: {smoothed.solver.status.rstrip('.')}")
-        return cls(fixed, smoothed)
+        return cls(fixed, smoothed, smoothed.solution)
 
     def error(self, number: int, rows: Index, length: int) -> Array:
         """Measured less predicted outputs (ny, M, 1 + length) of the windows that begin at these rows of piece `number`."""
@@ -148,10 +149,8 @@ class _Side:
 
     def _starts(self, number: int, rows: Index) -> Starts:
         """The smoothed states there; rates and algebraics of the same trajectory are where the search for these begins."""
-        solution = self.smoothed.solution
-        assert solution is not None
-        t, dae, table = solution.transcription, self.problem.dae, self._table(number)
-        followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
+        t, dae, table = self.solution.transcription, self.problem.dae, self._table(number)
+        followed = Followed(transcription=t, horizons=t.horizons, decisions=self.solution.solved.decisions)
         rates, _, algebraics = followed.at(number, t.horizons[number].time[rows])
         of_state = {q.name: row for q, row in zip(t.dae.states, rates, strict=True)}
         of_algebraic = {q.name: row for q, row in zip(t.dae.algebraics, algebraics, strict=True)}

@@ -22,7 +22,7 @@ from backsight.ocp import Options, Solution
 from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.program import Settings
-from ..smoothing.smoother import OutOfTime, smooth
+from ..smoothing.smoother import OutOfTime, force_stds, smooth
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .screen import Screened
@@ -180,9 +180,8 @@ def hidden(problem: Problem) -> set[str]:
 
 def with_weights_of(begin: Solution, problem: Problem) -> Problem:
     """The problem with the residual forces' deviations of a solution, of all places that both have."""
-    t, places = begin.transcription, {p.name for p in problem.posed.dae.places}
-    found = {t.dae.places[k].name: float(std) for k, std in zip(t.soft, t.force_std_at(begin.values).min(axis=1), strict=True)}
-    W = {name: std for name, std in found.items() if name in places}
+    places = {p.name for p in problem.posed.dae.places}
+    W = {name: std for name, std in force_stds(begin).items() if name in places}
     return replace(problem, weights=replace(problem.weights, W=W | dict(problem.weights.W)))
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from math import nan
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from backsight.models import Model
 from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.program import Settings
-from ..smoothing.smoother import OutOfTime, smooth
+from ..smoothing.smoother import smooth
 from .candidates import Candidate
 from .choice import RIVAL, SAME, chosen, coloured, held_unseen, sound
 from .keep import Keep
@@ -99,17 +99,11 @@ class Search:
         self.say("weights from the data")
         problem, left = settled(self.problem, self.result), self.end - time.time()
         name = self.kept.name(repr(("weighed", [f.change for f in self.findings])))
-        part = self.kept.get(name)
-        if part is None and left > 0:
-            try:
-                result = smooth(problem, settings=replace(QUICKLY, seconds=left / 2), begin=self.result.solution, progress=self.say)
-            except OutOfTime:
-                return False
-            part = result, result.solution
-            self.kept.put(name, part)
-        if part is None or not part[0].solver.converged:
+        settings = replace(QUICKLY, seconds=max(left, 0.0) / 2)
+        found = self.kept.smoothed(name, partial(smooth, problem, settings=settings, begin=self.result.solution, progress=self.say))
+        if found is None or not found.solver.converged:
             return False
-        self.problem, self.result, self.settings = problem, replace(part[0], solution=part[1]), QUICKLY
+        self.problem, self.result, self.settings = problem, found, QUICKLY
         return True
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
@@ -212,7 +206,7 @@ class Search:
         self.findings.append(
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
-                p_value=found.chance(s.gain) if s is not None else nan,
+                p_value=found.chance(s.gain) if s is not None else math.nan,
                 gain=float(f.evidence - now),
                 change="; ".join(_change(c, f.result)),
                 share=share,
@@ -245,7 +239,7 @@ class Search:
             0,
             Finding(
                 explanation=Explanation(place=worst, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
-                p_value=nan,
+                p_value=math.nan,
                 gain=0.0,
                 change="",
                 share=share,

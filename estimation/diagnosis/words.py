@@ -76,8 +76,14 @@ def gain(held: HeldOut | None) -> str:
         return ""
     size, where = held.improvement_percent, listed(held.recordings) or held.role
     less = f"{abs(size):.3g} % {'smaller' if size >= 0 else 'larger'}"
-    chance = "" if not math.isfinite(held.p_value) else " (p < 1e-12)" if held.p_value < 1e-12 else f" (p = {held.p_value:.2g})"
-    return f" On {where}, which the fit has not seen, prediction errors are {less} with it{chance}." if size else ""
+    p = chance(held.p_value)
+    told = f" (p {p})" if p.startswith("<") else f" (p = {p})" if p else ""
+    return f" On {where}, which the fit has not seen, prediction errors are {less} with it{told}." if size else ""
+
+
+def chance(p: float) -> str:
+    """0.012, < 1e-12; nothing where there is none."""
+    return "" if not math.isfinite(p) else "< 1e-12" if p < 1e-12 else f"{p:.2g}"
 
 
 def when(finding: Finding) -> str:

@@ -102,7 +102,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy(), dict[int, float]()
     if begin is not None:
-        force_std = _named(begin, problem)
+        named = force_stds(begin)
+        force_std = {k: named[p.name] for k, p in enumerate(problem.dae.places) if p.name in named}
         exact = exact_forces(plain, followed, start)
         floor = {k: min(std, exact[k]) for k, std in force_std.items()}
     elif plain.free or unseen_states(plain):
@@ -270,11 +271,11 @@ def followed_by(solution: Solution) -> Followed:
     return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, covariance=covariance)
 
 
-def _named(begin: Solution, problem: Problem) -> dict[int, float]:
-    """Place of the problem's model -> std of its residual force in a solution of another, by its name."""
-    t = begin.transcription
-    std = dict(zip((t.dae.places[k].name for k in t.soft), t.force_std_at(begin.values).min(axis=1, initial=np.inf).tolist(), strict=True))
-    return {k: std[p.name] for k, p in enumerate(problem.dae.places) if p.name in std}
+def force_stds(solution: Solution) -> dict[str, float]:
+    """Place -> std of its residual force in a solution, away from rest."""
+    t = solution.transcription
+    std = t.force_std_at(solution.values).min(axis=1, initial=np.inf)
+    return dict(zip((t.dae.places[k].name for k in t.soft), std.tolist(), strict=True))
 
 
 def _intervals(horizons: Sequence[Horizon]) -> int:

@@ -6,8 +6,6 @@ A numpy archive of arrays and one JSON text; nothing in it is executed. The file
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 import zipfile
 from collections import deque
 from dataclasses import replace
@@ -20,6 +18,7 @@ from backsight.models.errors import InputError
 from backsight.ocp.moving.trajectory import Known, Trajectory
 
 from ..problem import Free, Problem, Weights
+from ..whole_files import written_whole
 from .estimate import Outcome
 from .estimator import Estimator
 from .tuning import of_weights
@@ -78,9 +77,8 @@ def save(estimator: Estimator, path: str | Path) -> None:
     }
     arrays["facts"] = np.array(json.dumps(facts))
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}-", delete=False) as file:
+        with written_whole(path) as file:
             np.savez(file, **arrays)
-        os.replace(file.name, path)
     except OSError as error:
         raise InputError(f"{path}: the state cannot be written ({error.strerror or error}); choose another file") from None
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import asdict, fields
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from ..whole_files import written_whole
 from .setting import Outcome, Setting
 
 
@@ -34,14 +33,8 @@ class Store:
         if self.folder is None:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(asdict(outcome), file)
-            os.replace(name, self._path(self.folder, outcome.setting))
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        with written_whole(self._path(self.folder, outcome.setting)) as file:
+            file.write(json.dumps(asdict(outcome)).encode())
 
     def _path(self, folder: Path, setting: Setting) -> Path:
         key = sha256(json.dumps([self.study, setting.name, setting.theta]).encode()).hexdigest()[:24]

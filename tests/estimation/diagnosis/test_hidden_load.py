@@ -4,41 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from examples import soft_drive
 
 from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.diagnosis import diagnose
 from backsight.estimation.diagnosis.refit import hidden
-from backsight.models import Model, compile_model
-from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
+from backsight.models import compile_model
 
 MOTOR, LOAD, STIFFNESS, DAMPING, BEARING = 2e-3, 8e-3, 40.0, 0.01, 0.05
 STEP, FINER, NOISE, DURATION = 0.004, 40, 1e-3, 4.0
-
-
-def drive() -> Model:
-    """Motor, shaft, load and a viscous bearing."""
-    return Model(
-        name="drive",
-        components={
-            "source": Torque(),
-            "motor": Inertia(J=MOTOR),
-            "shaft": RotationalSpringDamper(k=STIFFNESS, d=DAMPING),
-            "load": Inertia(J=LOAD),
-            "bearing": RotationalDamper(d=BEARING),
-            "ground": RotationalFixed(),
-            "encoder": AngleSensor(),
-        },
-        connections=[
-            ("source.flange", "motor.flange"),
-            ("encoder.flange", "motor.flange"),
-            ("motor.flange", "shaft.flange_a"),
-            ("shaft.flange_b", "load.flange"),
-            ("load.flange", "bearing.flange_a"),
-            ("bearing.flange_b", "ground.flange"),
-        ],
-        inputs={"tau": "source.tau"},
-        outputs={"phi": "encoder.phi"},
-    )
 
 
 def recorded(friction: float, seed: int = 0) -> Recording:
@@ -61,12 +35,12 @@ def recorded(friction: float, seed: int = 0) -> Recording:
 
 def posed(friction: float) -> Problem:
     free = {"motor.J": Free(1.3 * MOTOR), "load.J": Free(0.8 * LOAD), "shaft.k": Free(1.2 * STIFFNESS), "bearing.d": Free(0.7 * BEARING)}
-    return Problem(model=drive(), recordings=[recorded(friction)], parameters=free)
+    return Problem(model=soft_drive(), recordings=[recorded(friction)], parameters=free)
 
 
 def test_the_place_of_which_no_output_tells_is_the_load():
     problem = posed(0.0)
-    assert hidden(Problem(model=compile_model(drive()), recordings=problem.recordings, parameters=problem.parameters)) == {"load"}
+    assert hidden(Problem(model=compile_model(soft_drive()), recordings=problem.recordings, parameters=problem.parameters)) == {"load"}
 
 
 def test_friction_that_holds_a_load_that_nobody_sees_is_found_there():

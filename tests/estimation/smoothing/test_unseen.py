@@ -6,43 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from examples import soft_drive
 from scipy.linalg import expm
 
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.smoothing.telling import telling_places
 from backsight.estimation.smoothing.unseen import unseen_states
-from backsight.models import Model, compile_model
-from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
+from backsight.models import compile_model
 from backsight.models.plants import drillstring
 
 TRUE = {"motor.J": 2e-3, "load.J": 8e-3, "shaft.k": 40.0, "shaft.d": 0.01, "bearing.d": 0.05}
 STEP, NOISE = 0.002, 1e-3
-
-
-def drive() -> Model:
-    """Motor, shaft, load and a viscous bearing."""
-    return Model(
-        name="drive",
-        components={
-            "source": Torque(),
-            "motor": Inertia(J=2e-3),
-            "shaft": RotationalSpringDamper(k=40.0, d=0.01),
-            "load": Inertia(J=8e-3),
-            "bearing": RotationalDamper(d=0.05),
-            "ground": RotationalFixed(),
-            "encoder": AngleSensor(),
-        },
-        connections=[
-            ("source.flange", "motor.flange"),
-            ("encoder.flange", "motor.flange"),
-            ("motor.flange", "shaft.flange_a"),
-            ("shaft.flange_b", "load.flange"),
-            ("load.flange", "bearing.flange_a"),
-            ("bearing.flange_b", "ground.flange"),
-        ],
-        inputs={"tau": "source.tau"},
-        outputs={"phi": "encoder.phi"},
-    )
 
 
 def recorded(seed: int) -> tuple[Recording, np.ndarray]:
@@ -67,7 +41,7 @@ def test_a_torque_in_another_unit_scales_the_parameters_and_no_force_takes_over_
     recording, _ = recorded(0)
     unit, free = 1e-3, {name: Free(1.7 * true) for name, true in TRUE.items()}
     weak = replace(recording, inputs={"tau": unit * recording.inputs["tau"]}, output_std={})
-    s = smooth(Problem(model=drive(), recordings=[weak], parameters=free))
+    s = smooth(Problem(model=soft_drive(), recordings=[weak], parameters=free))
     assert s.solver.converged
     for name, true in TRUE.items():
         p = s.parameters[name]
@@ -79,7 +53,7 @@ def test_a_torque_in_another_unit_scales_the_parameters_and_no_force_takes_over_
 def problem(factor: float) -> tuple[Problem, np.ndarray]:
     recording, load = recorded(4)
     free = {name: Free(value * factor) for name, value in TRUE.items()}
-    return Problem(model=compile_model(drive()), recordings=[recording], parameters=free), load
+    return Problem(model=compile_model(soft_drive()), recordings=[recording], parameters=free), load
 
 
 def test_what_no_output_shows_is_named():

@@ -1,0 +1,33 @@
+"""What is written whole or not at all."""
+
+from __future__ import annotations
+
+import pytest
+
+from backsight.estimation.whole_files import written_whole
+
+
+def test_a_file_takes_the_place_of_the_old_one_when_it_is_complete(tmp_path):
+    path = tmp_path / "state"
+    path.write_bytes(b"old")
+    with written_whole(path) as file:
+        file.write(b"new")
+        assert path.read_bytes() == b"old"
+    assert path.read_bytes() == b"new"
+    assert [p.name for p in tmp_path.iterdir()] == ["state"]
+
+
+@pytest.mark.parametrize("cut", [ValueError, KeyboardInterrupt])
+def test_what_is_cut_short_leaves_the_old_file_and_nothing_else(tmp_path, cut):
+    path = tmp_path / "state"
+    path.write_bytes(b"old")
+
+    def cut_short():
+        with written_whole(path) as file:
+            file.write(b"ne")
+            raise cut
+
+    with pytest.raises(cut):
+        cut_short()
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["state"]
