@@ -20,8 +20,9 @@ from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.program import Settings
+from ..smoothing.rest import friction_laws
 from ..smoothing.smoother import smooth
-from ..smoothing.unseen import unseen_states
+from ..smoothing.unseen import sticking, unseen_states
 from ..workers import workers
 from .keep import Keep
 from .mismatch import mismatches
@@ -93,11 +94,12 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
-    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first.
+    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. A part that
+    sticks and slips is the exception: its model is searched for before any weight is chosen, and is lost again in much room.
     """
     weighed, held = Settings(hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=Options())
     ways = [(weighed, QUICKLY), (held, HELD)]
-    if unseen_states(problem.plain):
+    if unseen_states(problem.plain) and sticking(problem.plain, friction_laws(problem.plain)) is None:
         ways.reverse()
     result, status = None, "it took too long"
     for way, fits in ways:

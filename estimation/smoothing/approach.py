@@ -6,7 +6,7 @@ So the residual forces get room for a share of the forces at their place, white 
     std_k = share * rms(largest term of balance k) * sqrt(h),         share = 1, 0.32, 0.1, 0.03, 0.01
 
 and from share to share a few Gauss-Newton steps bring trajectories and parameters along, friction laws rounded to the same share of their
-velocity. Where lags brought parameters along (`lag_fit.py`) the way begins at the share that these leave over. Only a balance that tells
+velocity. Where lags brought parameters along (`driven_fit.py`) the way begins at the share that these leave over. Only a balance that tells
 what no output shows, whatever the guesses are (`telling.py`), is as tight as it will be from the beginning: then the others are fitted to
 forces and motions that are nearly known, and not to those of a wrong guess. A parameter is held near its first guess by a prior twice as
 wide as that, so that none runs away while little is known.
@@ -36,7 +36,7 @@ from .along import forces
 from .program import Program, Settings, make_program, renewed
 from .rest import FrictionLaw, left_alone, rounded
 from .telling import telling_places
-from .unseen import complete, unseen_states
+from .unseen import complete, sought, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
@@ -47,6 +47,8 @@ BATCHES = 4  # of Gauss-Newton steps at such a share, at most, and
 PAID = 0.01  # the share of the cost that one must save for another one to be worth its while
 STARTS = 3  # descents, at most
 SPREAD = 4.0  # factor on a parameter, up or down, from start to start
+DRIVEN = (0.01, 0.1**1.5, 0.1)  # shares at which descents begin where the unseen was driven, and
+CLEAN = 1.2  # squares per sample at which none of them needs another one
 OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
 
 
@@ -54,13 +56,14 @@ OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
 class Approach:
     """Where the balances' own solve starts: trajectories, parameters (np_all,), and place -> the last std of its residual force.
 
-    share: of the forces, that this std is. unlikely: minus the logarithm of the probability, but for a constant.
+    share: of the forces, that this std is. cost: of samples and balances. unlikely: minus the log of the probability, but for a constant.
     """
 
     followed: Followed
     parameters: Array
     force_std: dict[int, float]
     share: float
+    cost: float
     unlikely: float
 
 
@@ -79,7 +82,9 @@ def approach(
     """
     near, telling = _near(problem), telling_places(problem)
     hidden = bool(unseen_states(problem))
-    rng, found = np.random.default_rng(0), []
+    rng, found = np.random.default_rng(0), list[Approach]()
+    if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
+        return _with_widths(way, laws, parameters)
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
         if number:
@@ -90,10 +95,44 @@ def approach(
         found.append(_descent(near, begun, laws, start, share, least, telling, say))
         if found[-1].share <= TIGHTEST:
             break
-    best = min(found, key=lambda way: (way.share, way.unlikely))
+    return _with_widths(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters)
+
+
+def _from_search(
+    near: Problem,
+    followed: Followed,
+    laws: tuple[FrictionLaw, ...],
+    parameters: Array,
+    least: Mapping[int, float],
+    say: Callable[[str], None],
+) -> Approach | None:
+    """The best way from where the unseen is driven by what is seen; None where it cannot be, or where every such way strains.
+
+    Descents begin tight: in much room the instants at which a body sticks and breaks away would be lost again.
+    """
+    begun = sought(near, followed, laws, parameters, say)
+    if begun is None:
+        return None
+    found, count = list[Approach](), _count(followed)
+    for share in DRIVEN:
+        way = _descent(near, begun[0], laws, begun[1], share, least, (), say)
+        if way.share <= TIGHTEST and 2 * way.cost <= (1.0 + STRAINED) * count:
+            found.append(way)
+        if found and 2 * way.cost <= CLEAN * count:
+            break
+    return min(found, key=lambda way: way.unlikely, default=None)
+
+
+def _with_widths(way: Approach, laws: tuple[FrictionLaw, ...], parameters: Array) -> Approach:
+    """The way with the widths of the laws as they stand in parameters (np_all,)."""
+    ended = way.parameters.copy()
     for law in laws:
-        best.parameters[law.width] = parameters[law.width]
-    return best
+        ended[law.width] = parameters[law.width]
+    return replace(way, parameters=ended)
+
+
+def _count(followed: Followed) -> int:
+    return sum(int(np.isfinite(h.target).sum()) for h in followed.horizons)
 
 
 def _descent(
@@ -110,13 +149,13 @@ def _descent(
     pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
-    count = sum(int(np.isfinite(h.target).sum()) for h in horizons)
+    count = _count(followed)
     best, way, program, size, factor = np.inf, None, None, dict[int, float](), FACTOR
     share = float(np.clip(share, TIGHTEST, 1.0))
 
     def reached(cost: float) -> Approach:
         unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
-        return Approach(followed=followed, parameters=parameters, force_std=std, share=share, unlikely=unlikely)
+        return Approach(followed=followed, parameters=parameters, force_std=std, share=share, cost=cost, unlikely=unlikely)
 
     while True:
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)

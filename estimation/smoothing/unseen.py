@@ -2,11 +2,14 @@
 
 Samples cannot be followed where there are none. There the model says how the unseen states go with the seen ones, at the first guesses
 of the parameters: a smoothing problem with the parameters held and little room for residual forces. A friction law would hold an unseen
-body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve. Lags (`lags.py`) are simulated
-instead; where there is nothing else to complete, the parameters come with them (`lag_fit.py`).
+body that starts at rest, so its sign is rounded generously at first and sharpened from solve to solve. Lags (`driven.py`) are simulated
+instead; where there is nothing else to complete, the parameters come with them (`driven_fit.py`). So is a part that sticks and slips, whose
+parameters are searched for (`driven_search.py`).
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -19,10 +22,11 @@ from backsight.ocp.scaling import scaled
 
 from ..problem import Problem
 from .along import forces
+from .driven import Driven, lags_of, own_rows, simulated, stopping
+from .driven_fit import Seen, fitted
+from .driven_search import searched
 from .initial_guess import start_decisions
-from .lag_fit import fitted
-from .lags import Lags, lags_of, simulated
-from .rest import FrictionLaw, left_alone, rounded
+from .rest import ROUNDING, FrictionLaw, left_alone, rounded
 
 ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of their velocities, from solve to solve
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
@@ -51,8 +55,8 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
     if len(rows) == len(unseen) and not problem.dae.algebraics and problem.free:
         gently = rounded(problem, left_alone(problem, laws), followed, start, ROUNDED[-1])
         parameters, share = fitted(problem, rows, followed, gently)
-        return simulated(Lags(problem.dae, rows), followed, parameters), parameters, share
-    return _completed(problem, simulated(Lags(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
+        return simulated(Driven(problem.dae, rows), followed, parameters), parameters, share
+    return _completed(problem, simulated(Driven(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
 
 
 def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:
@@ -73,6 +77,38 @@ def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ..
         if not laws:
             break
     return followed
+
+
+def sought(
+    problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array, say: Callable[[str], None]
+) -> tuple[Followed, Array] | None:
+    """The followed trajectories with the unseen states driven by them, at the parameters (np_all,) that balance what is seen best.
+
+    None where no friction law can hold what is unseen, where that has no balances to itself, or where nothing is free: the others are found
+    without (`complete`). Free parameters have a std about their guesses.
+    """
+    part = sticking(problem, laws)
+    if part is None or not problem.free:
+        return None
+    alone = left_alone(problem, laws)
+    begun = rounded(problem, alone, simulated(part, followed, start), start, ROUNDING)
+    parameters = searched(problem, part, followed, begun, say)
+    seen = Seen(problem, part, followed, start)
+    instants = [h.breaks for h in followed.horizons]
+    along = [part.along(followed, k, (t[1:] + t[:-1]) / 2) for k, t in enumerate(instants)]
+
+    def moved(parameters: Array) -> Followed:
+        return simulated(part, followed, parameters, [seen.begun(*way, parameters) for way in zip(instants, along, strict=True)])
+
+    parameters = rounded(problem, alone, moved(parameters), parameters, ROUNDING)
+    return moved(parameters), parameters
+
+
+def sticking(problem: Problem, laws: tuple[FrictionLaw, ...]) -> Driven | None:
+    """The unseen states as a part that is driven by the seen ones and may come to rest in friction laws; None where there is none."""
+    rows = own_rows(problem.dae, set(unseen_states(problem)))
+    velocities = stopping(problem.dae, rows, [law.velocity for law in laws])
+    return Driven(problem.dae, rows, velocities=velocities) if velocities else None
 
 
 def moving_unseen(problem: Problem) -> set[int]:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ..problem import Problem
-from ..smoothing.lags import lags_of
+from ..smoothing.driven import lags_of
 from ..smoothing.unseen import unseen_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -1,0 +1,159 @@
+"""Parameters with which the driven unseen (`driven.py`) balances what is seen: where a descent over trajectories can start from far off.
+
+    min  1/2 sum over the other balances k and all instants of (F_k/s_k)^2  +  1/2 sum ((p - guess)/std)^2,        s_k = rms F_k
+
+along the followed samples, the unseen simulated at every p, the s_k from the round before. F as `Pieces.balances` has it, as
+accelerations: without inertia and forces the balances themselves are all zero. Trajectories may not bend yet: while they may, and every
+balance has room for its own forces, rotors of any gain explain any motion, and a bit that sticks and slips goes any way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import least_squares
+
+from backsight.ocp.follow import Followed
+from backsight.ocp.pieces import Pieces
+from backsight.ocp.polynomials import Array
+
+from ..problem import Free, Problem
+from .along import forces
+from .driven import Driven, Run, simulated
+
+ROUNDS, SAME = 6, 0.02  # of the s_k, at most, and their relative change at which they are as good as settled
+EXACT = 1e-6  # of the forces at a balance: it need not hold better
+STEPS = 20  # of Gauss and Newton in a round, at most
+PAID = 1e-3  # the share of the cost that a step must save for another one to be worth its while
+
+BEGINNING = 10  # share of a recording by which it is told how the unseen begin, inverse
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Balances of what is seen, with the unseen driven along the followed trajectories and the inertia of reference (np_all,)."""
+
+    problem: Problem
+    driven: Driven
+    followed: Followed
+    reference: Array
+
+    @cached_property
+    def rows(self) -> list[int]:
+        own = set(self.driven.rows.values())
+        return [row for row, e in enumerate(self.problem.dae.equations) if e.place is not None and row not in own]
+
+    def left(self, run: Run, along: tuple[Array, ...], parameters: Array) -> tuple[Array, Array]:
+        """F (balances, M) in the middles of a run, and its slope (balances, M, np) in the free parameters."""
+        r, by_rate, by_state, by_p = self._at(run.state, run.rate, along, parameters)
+        S = np.einsum("rkn,nkp->rkp", by_rate, run.rate_slope) + np.einsum("rkn,nkp->rkp", by_state, run.state_slope)
+        return r, by_p + S
+
+    def _at(self, state: Array, rate: Array, along: tuple[Array, ...], parameters: Array) -> tuple[Array, ...]:
+        """F (balances, M) and its slopes (balances, M, ..) in l', l and the free parameters, at l and l' (n, M)."""
+        (dx, x, *others), own, count = along, list(self.driven.rows), state.shape[1]
+        dx, x = dx.copy(), x.copy()
+        dx[own], x[own] = rate, state
+        p, p_ref = (np.repeat(a[:, None], count, axis=1) for a in (parameters, self.reference))
+        r, *parts = (np.asarray(a, dtype=np.float64) for a in self._balances.map(count)(dx, x, *others, p, p_ref))
+        return r, *(a.reshape(len(self.rows), count, a.shape[1] // count) for a in parts)
+
+    def begun(self, instants: Array, along: tuple[Array, ...], parameters: Array) -> Array:
+        """Where the unseen start (n,): at rest, at zero, or from there where the seen balances have them; what these say afterwards counts.
+
+        A body that nothing shows may rest with a twist before it that is not the one of its motion to come.
+        """
+        count = max(len(instants) // BEGINNING, 2)
+        instants, along = instants[: count + 1], tuple(a[:, :count] for a in along)
+        few = tuple(a[:, : max(count // BEGINNING, 1)] for a in along)
+        zero = np.zeros(len(self.driven.rows))
+        still = np.zeros((len(zero), few[0].shape[1]))
+        r, _, by_state, _ = self._at(still, still, few, parameters)
+        told = zero if not np.isfinite(by_state).all() else -np.linalg.lstsq(by_state.mean(axis=1), r.mean(axis=1), rcond=1e-9)[0]
+        firsts = [self.driven.resting(along, parameters), zero, told]
+        left = [rms(self.left(self.driven.go(instants, along, parameters, first), along, parameters)[0]) for first in firsts]
+        size = [float(np.sum(np.log(np.maximum(x, 1e-300)))) if np.isfinite(x).all() else np.inf for x in left]
+        return firsts[int(np.argmin(size))]
+
+    def left_throughout(self, parameters: Array) -> tuple[Array, Array]:
+        """The same between all samples of all recordings."""
+        parts = []
+        for number in range(len(self.followed.horizons)):
+            run = self.driven.run(self.followed, number, parameters)
+            parts.append(self.left(run, self.driven.along(self.followed, number, run.times), parameters))
+        return np.concatenate([r for r, _ in parts], axis=1), np.concatenate([J for _, J in parts], axis=1)
+
+    def forces(self, parameters: Array) -> Array:
+        """Size of the forces in the balances (balances,)."""
+        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters)
+        return np.array([size[k] for k in self._places(self.rows)])
+
+    def share(self, parameters: Array) -> float:
+        """The largest share of its forces that a balance leaves over."""
+        there = Seen(self.problem, self.driven, self.followed, parameters)
+        return float(np.max(rms(there.left_throughout(parameters)[0]) / there.forces(parameters), initial=0.0))
+
+    def _places(self, rows: list[int]) -> list[int]:
+        return [int(place) for row in rows if (place := self.problem.dae.equations[row].place) is not None]
+
+    @cached_property
+    def _balances(self) -> Any:
+        """(x', x, z, u, t, p, p_ref) -> F of the seen balances and its Jacobians in l', l and the free parameters."""
+        dae, t = self.driven.dae, self.followed.transcription
+        places = tuple(self._places([*self.rows, *self.driven.rows.values()]))  # a signal's lag has none
+        pieces = Pieces(dae, t.nlp.interpolation, t.horizons, t.offsets, places)
+        F = pieces.balances()[: len(self.rows)]
+        answers = [F, *(ca.jacobian(F, s) for s in self.driven.symbols)]
+        return ca.Function("balances", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p, pieces.p_ref], [ca.densify(a) for a in answers])
+
+
+def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Array) -> tuple[Array, float]:
+    """Parameters (np_all,) with which the lags balance what is seen, and the largest share of its forces that a balance then leaves over.
+
+    Free parameters are held near their guesses by their std. Where the lags have no finite answer: start itself, and 1.
+    """
+    free = list(problem.free)
+    seen = Seen(problem, Driven(problem.dae, rows, problem.free), followed, start)
+
+    @lru_cache(maxsize=1)  # rows and slope are asked for one after the other
+    def at(p: tuple[float, ...]) -> tuple[Array, Array]:
+        now = start.copy()
+        now[free] = p
+        r, J = seen.left_throughout(now)
+        return (r if np.isfinite(J).all() else np.full(r.shape, np.nan)), J
+
+    def scaled(p: Array, size: Array) -> Array:
+        return np.concatenate([(at(tuple(p))[0] / size[:, None]).ravel(), (p - guess) / std])
+
+    def slope(p: Array, size: Array) -> Array:
+        return np.vstack([(at(tuple(p))[1] / size[:, None, None]).reshape(-1, len(free)), np.diag(1.0 / std)])
+
+    std = known_std(problem, free)
+    found, guess, size = start.copy(), problem.values[free], rms(at(tuple(start[free]))[0])
+    if not np.isfinite(size).all():
+        return found, 1.0
+    low, high = zip(*(problem.parameter_range(i) for i in free), strict=True)
+    least = EXACT * seen.forces(start)
+    for _ in range(ROUNDS):
+        before = np.maximum(size, least)
+        done = least_squares(scaled, found[free], slope, (low, high), x_scale="jac", ftol=PAID, max_nfev=STEPS, args=(before,))
+        found[free] = done.x
+        size = rms(at(tuple(done.x))[0])
+        if np.max(np.abs(np.log(np.maximum(size, least) / before)), initial=0.0) < SAME:
+            break
+    return found, seen.share(found)
+
+
+def known_std(problem: Problem, free: list[int]) -> Array:
+    """Standard deviations of what is known of free parameters, inf where nothing is."""
+    known = [problem.parameters[problem.dae.parameters[i].name] for i in free]
+    return np.array([f.std if isinstance(f, Free) and f.std is not None else np.inf for f in known])
+
+
+def rms(r: Array) -> Array:
+    """Of every row."""
+    return np.asarray(np.sqrt(np.mean(r**2, axis=1)), dtype=np.float64)
