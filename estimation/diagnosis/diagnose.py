@@ -20,9 +20,8 @@ from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.program import Settings
-from ..smoothing.rest import friction_laws
 from ..smoothing.smoother import smooth
-from ..smoothing.unseen import sticking, unseen_states
+from ..smoothing.unseen import unseen_states
 from ..workers import workers
 from .keep import Keep
 from .mismatch import mismatches
@@ -32,6 +31,7 @@ from .search import Progress, Search
 from .verdict import Diagnosis
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
+PATIENT = Options(tolerance=1e-2, gauss_newton_iterations=100)  # a hundredth of a deviation is near enough, and friction is rough
 SEARCH = 840.0  # s, from the beginning to the end of the search
 
 
@@ -94,12 +94,11 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
-    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. A part that
-    sticks and slips is the exception: its model is searched for before any weight is chosen, and is lost again in much room.
+    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first.
     """
-    weighed, held = Settings(hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=Options())
+    weighed, held = Settings(hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
     ways = [(weighed, QUICKLY), (held, HELD)]
-    if unseen_states(problem.plain) and sticking(problem.plain, friction_laws(problem.plain)) is None:
+    if unseen_states(problem.plain):
         ways.reverse()
     result, status = None, "it took too long"
     for way, fits in ways:
