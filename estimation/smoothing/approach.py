@@ -158,6 +158,7 @@ def _descent(
         return Approach(followed=followed, parameters=parameters, force_std=std, share=share, cost=cost, unlikely=unlikely)
 
     while True:
+        room: Array | None = None
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
         now = forces(near, followed, parameters)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
@@ -166,13 +167,15 @@ def _descent(
         if program is None or way is None:
             settings = Settings(options=OPTIONS, method="spline")
             program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)
+            room = program.at_rest
             held = _held(program).solve(program.start, program.values, False, _silent)
             if np.isfinite(held.solved.cost):
                 followed, best = _followed(held, followed), held.solved.cost
             way = reached(held.solved.cost)
         cost = np.inf
         for _ in range(BATCHES if share <= TIGHT else 1):
-            program = renewed(program, near, followed, laws, std, parameters, parameters)
+            program = renewed(program, near, followed, laws, std, parameters, parameters, room)
+            room = program.at_rest  # what an interval near rest has taken up is not asked back at the same share
             solution = program.solve(program.start, program.values, False, _silent)
             if not np.isfinite(solution.solved.cost):
                 cost = np.inf

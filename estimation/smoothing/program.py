@@ -113,9 +113,13 @@ def renewed(
     force_std: dict[int, float],
     parameters: Array,
     start: Array,
+    room: Array | None = None,
 ) -> Program:
-    """The program with other numbers and another start, as `make_program` would make it; the places and the priors stay the same ones."""
-    return _numbered(problem, program.transcription, program.solver, followed, laws, force_std, parameters, start)
+    """The program with other numbers and another start, as `make_program` would make it; the places and the priors stay the same ones.
+
+    room (n_soft, N): what residual forces near rest have at least (`at_rest` of a program on this mesh).
+    """
+    return _numbered(problem, program.transcription, program.solver, followed, laws, force_std, parameters, start, room)
 
 
 def _numbered(
@@ -127,11 +131,13 @@ def _numbered(
     force_std: dict[int, float],
     parameters: Array,
     start: Array,
+    room: Array | None = None,
 ) -> Program:
     first = start_decisions(transcription, followed, start)
     values = _with_prior(problem, transcription, _with_fine_input(transcription, first, start, transcription.nlp.values(parameters)))
     knots = [h.mesh.knots for h in transcription.horizons]
     at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
+    at_rest = at_rest if room is None else np.maximum(at_rest, room)
     std, made = np.array([force_std[k] for k in transcription.soft]), transcription.force_std
     values = transcription.with_force_std(values, with_room(std, at_rest) / made[:, None] * input_spread(problem, transcription))
     lower, upper = decision_bounds(problem, transcription)
