@@ -15,8 +15,9 @@ becomes the problem's own. The first step holds the parameters: trajectories ben
 a step strains, samples and balances costing far more than while there was room, it is taken back and a smaller one tried: a friction law
 three times as sharp has other valleys, and with much room rotors of no thrust turn a body of no inertia.
 
-It can still end in the wrong valley where no output shows a state: a load that sticks and slips behind a soft shaft goes another way for
-every parameter. There a descent that strains however small its steps is tried again from other parameters, and the most probable one
+A part that sticks and slips where no output shows it goes another way for every parameter: it is searched for first (`driven_search.py`),
+and the way begins tight, or its phases would be lost again in all that room. It can still end in the wrong valley where no output shows a
+state. There a descent that strains however small its steps is tried again from other parameters, and the most probable one
 counts:  least  cost + sum over intervals and places of log std_k.
 """
 
@@ -192,7 +193,7 @@ def _descent(
                 return way
         else:
             factor = float(np.sqrt(factor))
-            if factor < LEAST_FACTOR:
+            if factor < LEAST_FACTOR or way.share <= TIGHTEST:
                 return way
         followed, parameters = way.followed, way.parameters
         share = max(way.share / factor, TIGHTEST)

@@ -6,7 +6,8 @@ along the followed samples from where they would rest, with their slopes S = dl/
     F_l((l+ - l)/h, m, v(t + h/2), p) = 0,        m = l + theta (l+ - l)
 
 theta = 1/2 is the implicit midpoint rule. A body that stops in a friction law would ring by it, so there it is a little more. Newton's
-method goes from a law's rest to where it slides: from there it climbs the rounded sign without leaping from side to side of it.
+method goes from a law's rest to where it slides: from there it climbs the rounded sign without leaping from side to side of it. Past the
+peak of a breakaway its few steps may not suffice; what is not solved then is a start all the same.
 """
 
 from __future__ import annotations
@@ -59,12 +60,13 @@ def own_rows(dae: Dae, unseen: set[str]) -> dict[int, int]:
 
 def stopping(dae: Dae, rows: Mapping[int, int], velocities: Sequence[str]) -> tuple[str, ...]:
     """Those of the velocities that the unseen states of `rows` can make zero, each independently of the others."""
-    state, found, rank = ca.vertcat(*(dae.x[i] for i in rows)), list[str](), 0
-    for name in velocities:
-        A = ca.jacobian_sparsity(ca.vertcat(*(dae.variables[v] for v in (*found, name))), state)
-        if ca.sprank(ca.DM(A, 1.0)) > rank:
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
+    rng, state, found = np.random.default_rng(0), ca.vertcat(*(dae.x[i] for i in rows)), list[str]()
+    somewhere = [rng.uniform(0.5, 1.5, a.shape) for a in arguments]
+    for name in velocities if rows else ():
+        A = ca.jacobian(ca.vertcat(*(dae.variables[v] for v in (*found, name))), state)
+        if np.linalg.matrix_rank(np.asarray(ca.Function("A", arguments, [ca.densify(A)])(*somewhere))) > len(found):
             found.append(name)
-            rank += 1
     return tuple(found)
 
 
@@ -91,6 +93,13 @@ class Driven:
     free: tuple[int, ...] = ()
     velocities: tuple[str, ...] = ()
 
+    def instants(self, followed: Followed, number: int) -> Array:
+        """The samples of horizon `number` and the steps of its inputs between them."""
+        horizon = followed.horizons[number]
+        ends = horizon.mesh.knots[[0, -1]]
+        inside = horizon.breaks[(horizon.breaks > ends[0]) & (horizon.breaks < ends[1])]
+        return np.concatenate([ends[:1], inside, ends[1:]])
+
     def along(self, followed: Followed, number: int, times: Array) -> tuple[Array, ...]:
         """x', x, z, u and t of horizon `number`, as the model's functions take them."""
         horizon = followed.horizons[number]
@@ -98,7 +107,7 @@ class Driven:
 
     def run(self, followed: Followed, number: int, parameters: Array, first: Array | None = None) -> Run:
         """The unseen states along horizon `number`, between its samples and the steps of its inputs; first (n,): where they start."""
-        instants = followed.horizons[number].breaks
+        instants = self.instants(followed, number)
         return self.go(instants, self.along(followed, number, (instants[1:] + instants[:-1]) / 2), parameters, first)
 
     def go(self, instants: Array, along: tuple[Array, ...], parameters: Array, first: Array | None = None) -> Run:
@@ -129,8 +138,11 @@ class Driven:
         start = self.starts
         x[list(self.rows), 0], dx = start, 0 * dx
         for _ in range(RESTING):
+            before = x[list(self.rows)]
             state, S = (np.asarray(a, dtype=np.float64) for a in self._rest(dx, x, z, u, t, parameters))
             x[list(self.rows)] = state
+            if np.allclose(state, before, rtol=1e-12, atol=0.0):
+                break
         if not (np.isfinite(state).all() and np.isfinite(S).all()):
             state, S = start[:, None], np.zeros(S.shape)
         return np.concatenate([state.ravel(), state.ravel(), S.ravel(order="F")])

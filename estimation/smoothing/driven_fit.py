@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
+from backsight.ocp import Horizon
 from backsight.ocp.follow import Followed
 from backsight.ocp.pieces import Pieces
 from backsight.ocp.polynomials import Array
@@ -62,22 +63,31 @@ class Seen:
         r, *parts = (np.asarray(a, dtype=np.float64) for a in self._balances.map(count)(dx, x, *others, p, p_ref))
         return r, *(a.reshape(len(self.rows), count, a.shape[1] // count) for a in parts)
 
-    def begun(self, instants: Array, along: tuple[Array, ...], parameters: Array) -> Array:
-        """Where the unseen start (n,): at rest, at zero, or from there where the seen balances have them; what these say afterwards counts.
+    def begun(self, instants: Array, along: tuple[Array, ...], parameters: Array, known: Array | None = None) -> Array:
+        """Where the unseen start (n,): at rest, at zero, or where the seen balances have them; what these say afterwards counts.
 
-        A body that nothing shows may rest with a twist before it that is not the one of its motion to come.
+        A body that nothing shows may rest with a twist before it that is not the one of its motion to come. Not offered is a start in
+        motion, though the rate of that twist would tell the speed: with it a search ends as often as not where it fits the first instants
+        best. known (n,): of the start, NaN where nothing is.
         """
         count = max(len(instants) // BEGINNING, 2)
         instants, along = instants[: count + 1], tuple(a[:, :count] for a in along)
-        few = tuple(a[:, : max(count // BEGINNING, 1)] for a in along)
-        zero = np.zeros(len(self.driven.rows))
-        still = np.zeros((len(zero), few[0].shape[1]))
-        r, _, by_state, _ = self._at(still, still, few, parameters)
-        told = zero if not np.isfinite(by_state).all() else -np.linalg.lstsq(by_state.mean(axis=1), r.mean(axis=1), rcond=1e-9)[0]
+        zero, told = np.zeros(len(self.driven.rows)), self._told(tuple(a[:, : max(count // BEGINNING, 1)] for a in along), parameters)
         firsts = [self.driven.resting(along, parameters), zero, told]
+        if known is not None:
+            firsts = [np.where(np.isfinite(known), known, first) for first in firsts]
         left = [rms(self.left(self.driven.go(instants, along, parameters, first), along, parameters)[0]) for first in firsts]
         size = [float(np.sum(np.log(np.maximum(x, 1e-300)))) if np.isfinite(x).all() else np.inf for x in left]
         return firsts[int(np.argmin(size))]
+
+    def _told(self, along: tuple[Array, ...], parameters: Array) -> Array:
+        """Where the seen balances have the unseen, in the mean (n,); zero where they do not say."""
+        zero = np.zeros(len(self.driven.rows))
+        still = np.zeros((len(zero), along[0].shape[1]))
+        r, _, by_state, _ = self._at(still, still, along, parameters)
+        if not (np.isfinite(by_state).all() and np.isfinite(r).all()):
+            return zero
+        return np.asarray(-np.linalg.lstsq(by_state.mean(axis=1), r.mean(axis=1), rcond=1e-9)[0], dtype=np.float64)
 
     def left_throughout(self, parameters: Array) -> tuple[Array, Array]:
         """The same between all samples of all recordings."""
@@ -157,3 +167,8 @@ def known_std(problem: Problem, free: list[int]) -> Array:
 def rms(r: Array) -> Array:
     """Of every row."""
     return np.asarray(np.sqrt(np.mean(r**2, axis=1)), dtype=np.float64)
+
+
+def known_start(horizon: Horizon) -> Array:
+    """What is known of the states at the start of a recording, (nx,); NaN where nothing is."""
+    return np.where(np.isfinite(horizon.initial_std), horizon.initial, np.nan)

@@ -7,7 +7,7 @@ searched for by differential evolution (R. Storn, K. Price, J. Global Optimizati
 
 with the unseen driven along the followed samples (`driven.py`): at first through the beginning of every recording, where few events are to
 be met, then through more of it by the better half of what was tried and others that are new. What only the seen balances know is fitted to
-them at every try.
+them at every try. What is known of a parameter beforehand bounds the search to three of its deviations.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import Bounds, differential_evolution
+from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 from scipy.stats import qmc
 
 from backsight.ocp.follow import Followed
@@ -25,24 +25,32 @@ from backsight.ocp.polynomials import Array
 
 from ..problem import Problem
 from .driven import Driven
-from .driven_fit import EXACT, Seen, known_std, rms
+from .driven_fit import EXACT, Seen, known_start, known_std, rms
 
 FACTOR = 4.0  # within which parameters are searched for, up or down
 SURE = 3.0  # standard deviations of what is known of a parameter within which it is
 TRIES, CROSSED = 8, 0.9  # of a generation, for each parameter; the probability that a parameter is changed
 STAGES = ((0.15, 15), (0.4, 15), (1.0, 20))  # shares of the recordings that are driven, and generations there: few events first
 AGREED = 0.01  # spread of the costs of a generation at which the search ends
-INSTANTS = 3000  # along which a try goes, at most
+INSTANTS, RECORDINGS = 3000, 10  # along which a try goes, and the longest in which they are, at most
+TOLD = 5  # generations from message to message
 STEPS, STILL, LEAP = 6, 0.02, 1.0  # of Gauss and Newton in a try, at most; their relative size at the end; the largest, a logarithm
 HOPELESS = 1e3  # cost of a try that ends nowhere
 
-Way = tuple[Array, tuple[Array, ...]]  # instants, and what drives the unseen between them
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """Instants (M + 1,) of a recording, what drives the unseen between them (.., M), and what is known of the start (n,), else NaN."""
+
+    instants: Array
+    along: tuple[Array, ...]
+    known: Array
 
 
-def searched(problem: Problem, driven: Driven, followed: Followed, start: Array, say: Callable[[str], None]) -> Array:
+def searched(problem: Problem, driven: Driven, followed: Followed, start: Array, say: Callable[[str], None]) -> Array | None:
     """Parameters (np_all,) with which the unseen balances what is seen best, of those within a factor of their guesses.
 
-    Those of the unseen are searched for along the first INSTANTS of the followed mesh, the others fitted. The same every time.
+    Those of the unseen are searched for, the others fitted. None where no try ends anywhere. The same every time.
     """
     dae = problem.dae
     inside = ca.jacobian_sparsity(dae.residual[list(driven.rows.values())], dae.p).get_col()
@@ -53,17 +61,15 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
     def tried(coordinates: Array, ways: list[Way]) -> tuple[float, Array]:
         now = start.copy()
         now[own] = scale.values(coordinates)
-        runs = [seen.driven.go(*way, now, seen.begun(*way, now)) for way in ways]
+        runs = [seen.driven.go(w.instants, w.along, now, seen.begun(w.instants, w.along, now, w.known)) for w in ways]
         for _ in range(STEPS if others else 1):
-            parts = [seen.left(run, along, now) for run, (_, along) in zip(runs, ways, strict=True)]
+            parts = [seen.left(run, way.along, now) for run, way in zip(runs, ways, strict=True)]
             r, J = np.concatenate([r for r, _ in parts], axis=1), np.concatenate([J for _, J in parts], axis=1)
             size = np.maximum(rms(r), least)
             if not (np.isfinite(size).all() and np.isfinite(J).all()):
                 return HOPELESS, now
             before, now = now, now.copy()
-            now[others] = _stepped(
-                problem, others, before, r / np.maximum(size, least)[:, None], J / np.maximum(size, least)[:, None, None]
-            )
+            now[others] = _stepped(problem, others, before, r / size[:, None], J / size[:, None, None])
             if np.allclose(now, before, rtol=STILL, atol=0.0):
                 break
         return float(np.sum(np.log(size))), before
@@ -71,13 +77,17 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
     def cost(coordinates: Array, ways: list[Way]) -> float:
         return tried(coordinates, ways)[0]
 
+    def ended(coordinates: Array, ways: list[Way]) -> Array | None:
+        size, parameters = tried(coordinates, ways)
+        return parameters if size < HOPELESS else None
+
     if not own:
-        return tried(np.empty(0), _ways(seen, 1.0))[1]
+        return ended(np.empty(0), _ways(seen, 1.0))
     best, kept, rng = scale.coordinates(start[own]), np.empty((0, len(own))), np.random.default_rng(0)
     fresh = qmc.LatinHypercube(len(own), rng=rng)
     low, high = scale.bounds
     for share, generations in STAGES:
-        ways = _ways(seen, share)
+        ways, doing = _ways(seen, share), f"driving what no output shows through {100 * share:.0f} %"
         done = differential_evolution(
             cost,
             Bounds(*scale.bounds),
@@ -89,12 +99,13 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
             tol=0.0,
             atol=AGREED,
             polish=False,
+            callback=_teller(say, doing),
             rng=rng,
         )
         best = np.asarray(done.x)
         kept = done.population[np.argsort(done.population_energies)[: len(done.population) // 2]]
-        say(f"driving what no output shows through {100 * share:.0f} %: {done.fun:.4g} left over after {done.nfev} tries")
-    return tried(best, ways)[1]
+        say(f"{doing}: {done.fun:.4g} left over after {done.nfev} tries")
+    return ended(best, ways)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,18 +137,30 @@ class _Scale:
     def coordinates(self, values: Array) -> Array:
         none = self.start == 0
         ratio = np.where(none, 1.0, values / np.where(none, 1.0, self.start))
-        return np.where(none, values / self.nominal, np.log(np.maximum(ratio, 1.0 / FACTOR**2)))
+        return np.where(none, values / self.nominal, np.log(ratio))
+
+
+def _teller(say: Callable[[str], None], doing: str) -> Callable[[OptimizeResult], None]:
+    """What tells of a search every TOLD generations."""
+
+    def told(intermediate_result: OptimizeResult) -> None:
+        if intermediate_result.nit % TOLD == 0:
+            say(f"{doing}: {intermediate_result.fun:.4g} left over in generation {intermediate_result.nit}")
+
+    return told
 
 
 def _ways(seen: Seen, share: float) -> list[Way]:
-    """The first share of the recordings, one after the other while there is room."""
-    ways, room = [], INSTANTS
-    for number, coarse in enumerate(seen.followed.transcription.horizons):
-        instants = coarse.mesh.knots[: min(round(share * coarse.mesh.count), room) + 1]
-        if len(instants) < 2:
-            break
-        ways.append((instants, seen.driven.along(seen.followed, number, (instants[1:] + instants[:-1]) / 2)))
-        room -= len(instants) - 1
+    """The beginnings of the longest recordings: this share of as much of each as there is room for."""
+    own, ways = list(seen.driven.rows), []
+    counts = [coarse.mesh.count for coarse in seen.followed.transcription.horizons]
+    chosen = sorted(np.argsort(counts)[::-1][:RECORDINGS])
+    for number in chosen:
+        coarse, horizon = (h[number] for h in (seen.followed.transcription.horizons, seen.followed.horizons))
+        count = min(counts[number], max(INSTANTS // len(chosen), 1))
+        instants = coarse.mesh.knots[: max(round(share * count), 1) + 1]
+        along = seen.driven.along(seen.followed, number, (instants[1:] + instants[:-1]) / 2)
+        ways.append(Way(instants=instants, along=along, known=known_start(horizon)[own]))
     return ways
 
 

@@ -23,7 +23,7 @@ from backsight.ocp.scaling import scaled
 from ..problem import Problem
 from .along import forces
 from .driven import Driven, lags_of, own_rows, simulated, stopping
-from .driven_fit import Seen, fitted
+from .driven_fit import Seen, fitted, known_start
 from .driven_search import searched
 from .initial_guess import start_decisions
 from .rest import ROUNDING, FrictionLaw, left_alone, rounded
@@ -85,7 +85,7 @@ def sought(
     """The followed trajectories with the unseen states driven by them, at the parameters (np_all,) that balance what is seen best.
 
     None where no friction law can hold what is unseen, where that has no balances to itself, or where nothing is free: the others are found
-    without (`complete`). Free parameters have a std about their guesses.
+    without (`complete`); and where no try of the search ends anywhere. Free parameters have a std about their guesses.
     """
     part = sticking(problem, laws)
     if part is None or not problem.free:
@@ -93,12 +93,17 @@ def sought(
     alone = left_alone(problem, laws)
     begun = rounded(problem, alone, simulated(part, followed, start), start, ROUNDING)
     parameters = searched(problem, part, followed, begun, say)
+    if parameters is None:
+        return None
     seen = Seen(problem, part, followed, start)
-    instants = [h.breaks for h in followed.horizons]
-    along = [part.along(followed, k, (t[1:] + t[:-1]) / 2) for k, t in enumerate(instants)]
 
     def moved(parameters: Array) -> Followed:
-        return simulated(part, followed, parameters, [seen.begun(*way, parameters) for way in zip(instants, along, strict=True)])
+        firsts = []
+        for number, horizon in enumerate(followed.horizons):
+            t = part.instants(followed, number)
+            along = part.along(followed, number, (t[1:] + t[:-1]) / 2)
+            firsts.append(seen.begun(t, along, parameters, known_start(horizon)[list(part.rows)]))
+        return simulated(part, followed, parameters, firsts)
 
     parameters = rounded(problem, alone, moved(parameters), parameters, ROUNDING)
     return moved(parameters), parameters

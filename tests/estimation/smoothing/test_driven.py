@@ -12,13 +12,13 @@ from scipy.linalg import expm
 from backsight.data.generators import drillstring, quadrotor
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.smoothing.driven import Driven, lags_of, own_rows, simulated, stopping
-from backsight.estimation.smoothing.driven_fit import fitted
+from backsight.estimation.smoothing.driven_fit import Seen, fitted, rms
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.estimation.smoothing.rest import friction_laws
 from backsight.estimation.smoothing.unseen import sought, unseen_states
 from backsight.models import Dae, Model, compile_model
-from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, Torque
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalFriction, Torque
 from backsight.models.plants import PLANTS
 from backsight.models.signals import Lag
 
@@ -161,11 +161,13 @@ DRILLED = drillstring.record(
 )
 
 
-def drilling(factors: dict[str, float]) -> Problem:
+def drilling(factors: dict[str, float], first: float = 0.0, rows: np.ndarray | slice = slice(None)) -> Problem:
     """A bit that sticks and slips, with some parameters at guesses these factors off, held near them as a descent does."""
     dae = compile_model(PLANTS["drillstring"]())
     true = {p.name: p.value for p in dae.parameters} | {"bit.tau_sl": 0.35, "bit.tau_st": 0.55}
-    recording = Recording(name="run", time=DRILLED.time, inputs=DRILLED.inputs, outputs=DRILLED.outputs, output_std=DRILLED.noise)
+    rows = np.flatnonzero(DRILLED.time - DRILLED.time[0] >= first)[rows]
+    inputs, outputs = ({name: y[rows] for name, y in table.items()} for table in (DRILLED.inputs, DRILLED.outputs))
+    recording = Recording(name="run", time=DRILLED.time[rows], inputs=inputs, outputs=outputs, output_std=DRILLED.noise)
     free = {name: Free(true[name] * f, min=0.0, std=2 * true[name] * f) for name, f in factors.items()}
     fixed = {name: true[name] for name in ("bit.tau_sl", "bit.tau_st") if name not in factors}
     return Problem(model=dae, recordings=[recording], parameters={**fixed, **free}).plain
@@ -186,6 +188,47 @@ def test_string_and_bit_have_balances_to_themselves_and_one_law_stops_the_bit():
     assert driven.velocities == ("bit.omega_rel",)
     twice = stopping(problem.dae, driven.rows, ["bit.omega_rel", "bit.omega_rel"])  # two laws at one body stop it once
     assert twice == ("bit.omega_rel",)
+
+
+def test_of_two_laws_between_the_same_bodies_one_stops_them():
+    model = PLANTS["drillstring"](sections=2)
+    for ring in ("ring_1", "ring_2"):
+        model = model.insert("string_2", RotationalFriction(tau_c=0.1), name=ring)
+    dae = compile_model(model)
+    rows = own_rows(dae, {"string_1.dphi", "string_2.dphi", "section_1.omega", "bha.omega"})
+    assert len(stopping(dae, rows, ["ring_1.omega_rel", "ring_2.omega_rel", "bit.omega_rel"])) == 2
+
+
+@pytest.mark.parametrize(("first", "slips"), [(0.0, False), (2.0, False), (4.0, True), (5.0, True)])
+def test_a_recording_may_begin_while_the_bit_slips(first, slips):
+    """From where it is said to begin, as little is left over throughout as from where it truly began."""
+    problem = drilling({}, first)
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    driven = string_and_bit(problem)
+    seen, instants = Seen(problem, driven, followed, problem.values), driven.instants(followed, 0)
+    along = driven.along(followed, 0, (instants[1:] + instants[:-1]) / 2)
+    begun = seen.begun(instants, along, problem.values)
+    truth = {name: float(np.interp(DRILLED.time[0] + first, DRILLED.time, DRILLED.truth[name])) for name in STUCK}
+    assert (truth["bha.omega"] > 1.0) == slips
+    true = np.array([truth[name] for name in named(problem.dae, driven.rows)])
+
+    def left(states: np.ndarray) -> float:
+        r, _ = seen.left(driven.go(instants, along, problem.values, states), along, problem.values)
+        return float(np.sum(np.log(rms(r))))
+
+    assert left(begun) < left(true) + 0.05
+    if first:
+        assert left(np.zeros(len(true))) > left(true) + 0.08
+
+
+def test_pieces_too_short_to_drive_anything_are_no_hindrance():
+    rows = np.r_[0:4, 10:700, 720:724, 800:1500]
+    problem = drilling({"string.k": 1.5, "bha.J": 1.5}, rows=rows)
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    found = sought(problem, followed, friction_laws(problem), problem.values, lambda _: None)
+    assert found is not None
+    true = drilling({}).values
+    assert found[1][list(problem.free)] == pytest.approx(true[list(problem.free)], rel=0.3)
 
 
 def test_a_bit_that_sticks_and_slips_goes_as_in_the_simulator_that_finds_its_stops_as_roots():

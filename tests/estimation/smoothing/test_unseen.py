@@ -60,7 +60,6 @@ def test_what_no_output_shows_is_named():
     assert unseen_states(problem(1.0)[0]) == ["load.phi", "load.omega"]
 
 
-@pytest.mark.slow
 def drilling(*free: str) -> Problem:
     time = np.linspace(0.0, 1.0, 11)
     nothing = np.zeros(11)
