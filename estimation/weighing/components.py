@@ -32,8 +32,8 @@ LONGEST = 1.5  # step in a theta
 RIDGE = 1e-3  # of AI's diagonal, where a weight's rows tell nothing
 ZERO = 0.05  # p from which on a residual force may as well be none
 GONE = 0.3  # degrees of freedom, see above
-LOWER = float(np.log(5.0))  # steps down to there
-STEPS_DOWN = 8
+LOWER, STEPS_DOWN = float(np.log(5.0)), 8  # steps down to there
+DOUBTLESS = 30.0  # LR from which on a force is there: p = 2e-8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,23 +118,37 @@ def maximise(
 
 
 def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[str], None] | None = None) -> tuple[float, float]:
-    """p that weight f is zero, NaN where a solve did not arrive, and theta_f taken for zero: the largest not to be told from it."""
-    theta, start, others = best.theta.copy(), best.solution.solved.decisions, moving.copy()
+    """p that weight f is zero, NaN where a solve did not arrive, and theta_f taken for zero: the largest not to be told from it.
+
+    On the way down the likelihood only falls: where it has already fallen beyond doubt, that p is the most it can be, and the rest of the
+    way is not gone.
+    """
+    theta, found, others = best.theta.copy(), best, moving.copy()
     others[f] = False
     for _ in range(STEPS_DOWN):
-        here = _at(turned, theta, start)
-        if here.freedom[f] < GONE:
+        if found.likelihood.freedom[f] < GONE:
+            found = maximise(turned, theta, others, found.solution.solved.decisions)
             break
+        theta = found.theta.copy()
         theta[f] -= LOWER
-        start = here.solution.solved.decisions
-    gone = maximise(turned, theta, others, start)
-    if not all(found.solution.solved.status.converged for found in (best, gone)):
-        return float("nan"), float(theta[f])
-    ratio = 2.0 * (best.likelihood.value - gone.likelihood.value)
+        here = _at(turned, theta, found.solution.solved.decisions)
+        found = Found(theta=theta, solution=here.solution, likelihood=here, settled=False, rounds=0)
+        if _ratio(best, found) > DOUBTLESS:
+            found = maximise(turned, theta, others, here.solution.solved.decisions)
+            if _ratio(best, found) > DOUBTLESS:
+                break
+    if not all(at.solution.solved.status.converged for at in (best, found)):
+        return float("nan"), float(found.theta[f])
+    ratio = _ratio(best, found)
     p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
     if say is not None:
         say(f"without {turned.weights[f].label}: likelihood ratio {ratio:.1f}")
-    return p, float(theta[f])
+    return p, float(found.theta[f])
+
+
+def _ratio(best: Found, other: Found) -> float:
+    """LR of the other one against the best."""
+    return 2.0 * (best.likelihood.value - other.likelihood.value)
 
 
 def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:

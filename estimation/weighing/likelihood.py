@@ -46,8 +46,10 @@ class Likelihood:
             return float("nan")
         total = 0.0
         for number, term in enumerate(s.transcription.nlp.terms):
-            if not term.equality:
-                total += float(np.sum(_log_densities(s, number)[s.values.scale[number] > 0]))
+            scale = s.values.scale[number]
+            # what must hold has no density, but the determinant of the KKT matrix has the square of its scale
+            rows = np.log(scale[scale > 0]) if term.equality else _log_densities(s, number)[scale > 0]
+            total += float(np.sum(rows))
         moving = np.ones(s.transcription.nlp.size, dtype=bool)
         moving[s.held] = False
         return total - 0.5 * s.curvature.log_determinant + float(np.sum(np.log(s.values.unit[moving])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ import truths
 from scipy.optimize import minimize
 from shaken import DEVIATION, DT, FORCE_STD, LINEAR, MEAN, PLANT, STD, TRUE, N, driven, simulated
 
+from backsight.data.generators import five_bar
 from backsight.estimation import Free, Known, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.estimation.weighing.components import maximise, without
 from backsight.estimation.weighing.kkt import gauss_newton, sensitivity
 from backsight.estimation.weighing.likelihood import Likelihood
 from backsight.estimation.weighing.turned import Turned, turned
+from backsight.models.plants import PLANTS
 
 
 def dense(y: np.ndarray, force_std: float, noise: float) -> float:
@@ -76,6 +79,20 @@ def test_the_slope_is_that_of_the_value_and_the_information_that_of_the_dense_ga
     # the expected information of a Gaussian, 1/2 tr(S^-1 S_f S^-1 S_g), is what the average one is near to
     assert np.allclose(here.information, here.information.T, rtol=1e-6)
     assert here.information[1, 1] == pytest.approx(2 * here.freedom[1], rel=0.2)
+
+
+def test_the_slope_is_that_of_the_value_where_loops_must_close():
+    """Equations that must hold have rows, and rows have units; what these are must not count."""
+    conditions = replace(five_bar.CONDITIONS, duration=0.5)
+    run = five_bar.record(seed=1, conditions=conditions)
+    recording = Recording(name="run", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
+    problem = Problem(model=PLANTS["five_bar"](), recordings=[recording], weights=Weights(W=dict(conditions.process)))
+    knobs, step = turned(problem, smooth(problem)), 0.02
+    here = at(knobs, np.zeros(4))
+    for f in range(4):
+        shift = step * np.eye(4)[f]
+        slope = (at(knobs, shift).value - at(knobs, -shift).value) / (2 * step)
+        assert here.slope[f] == pytest.approx(slope, abs=0.02 * np.sqrt(2 * here.counts[f]))
 
 
 def test_the_weights_of_greatest_likelihood_are_those_of_the_dense_gaussian_with_their_deviations():
