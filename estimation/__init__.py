@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .tracking.estimator import Estimator
     from .tracking.phases import LawPhase, PhaseEstimate, PhaseEstimator, follow_phases
     from .tracking.track import Tracking, track
+    from .weighing.estimated import variance_components
     from .weighing.weigh import Weighing, weigh
 
 _HOME = {
@@ -60,6 +61,7 @@ _HOME = {
     "tracking.estimator": ("Estimator",),
     "tracking.phases": ("LawPhase", "PhaseEstimate", "PhaseEstimator", "follow_phases"),
     "tracking.track": ("Tracking", "track"),
+    "weighing.estimated": ("variance_components",),
     "weighing.weigh": ("Weighing", "weigh"),
 }
 
@@ -110,6 +112,7 @@ __all__ = [
     "state_variable_filter",
     "track",
     "two_stage",
+    "variance_components",
     "weigh",
     "zoh_prediction_error",
 ]

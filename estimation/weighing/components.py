@@ -90,10 +90,15 @@ class Found:
 
 
 def maximise(
-    turned: Turned, theta: Array, moving: Array, start: Array | None = None, say: Callable[[str], None] | None = None, gain: float = GAIN
+    turned: Turned,
+    theta: Array,
+    moving: Array,
+    here: Likelihood | None = None,
+    say: Callable[[str], None] | None = None,
+    gain: float = GAIN,
 ) -> Found:
-    """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,)."""
-    here = _at(turned, theta, start)
+    """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
+    here = here or _at(turned, theta, None)
     value, settled, rounds = here.value, not moving.any(), 0
     for rounds in range(1, ROUNDS + 1) if moving.any() else ():
         # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
@@ -123,20 +128,21 @@ def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[s
     On the way down the likelihood only falls: where it has already fallen beyond doubt, that p is the most it can be, and the rest of the
     way is not gone.
     """
-    theta, found, others = best.theta.copy(), best, moving.copy()
+    found, others = best, moving.copy()
     others[f] = False
     for _ in range(STEPS_DOWN):
         if found.likelihood.freedom[f] < GONE:
-            found = maximise(turned, theta, others, found.solution.solved.decisions)
             break
         theta = found.theta.copy()
         theta[f] -= LOWER
         here = _at(turned, theta, found.solution.solved.decisions)
         found = Found(theta=theta, solution=here.solution, likelihood=here, settled=False, rounds=0)
         if _ratio(best, found) > DOUBTLESS:
-            found = maximise(turned, theta, others, here.solution.solved.decisions)
+            found = maximise(turned, theta, others, here)
             if _ratio(best, found) > DOUBTLESS:
                 break
+    if found is not best and not found.settled:
+        found = maximise(turned, found.theta, others, found.likelihood)
     if not all(at.solution.solved.status.converged for at in (best, found)):
         return float("nan"), float(found.theta[f])
     ratio = _ratio(best, found)

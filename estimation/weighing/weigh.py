@@ -22,10 +22,10 @@ from ..recordings.recording import Recording
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.smoother import smooth
-from ..supposed import noisy_inputs
 from ..wording import listed
 from ..workers import workers
-from .components import ZERO, Component, Found, maximise, without
+from .components import Component, Found
+from .estimated import estimated, opened
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import settings
@@ -37,7 +37,6 @@ from .words import words
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
 
-FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its noise cannot be told from forces
 AHEAD = 64  # settings that a cluster has at hand
 TIED = 3.0  # log likelihood of what was held out: less makes no difference
 LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
@@ -82,15 +81,10 @@ def weigh(
     ahead = AHEAD if scheduler else 1 if jobs == 1 else 2 * jobs
     with workers(jobs, scheduler) as pool:
         recordings, split = with_held_out(problem.recordings)
-        posed = _open(replace(problem, recordings=[r for r in recordings if r.role == "fit"]))
-        first = smooth(posed, progress=say)
-        knobs = turned(posed, first)
-        say("weights from the likelihood")
-        given = _given(problem, knobs)
-        best, moving = _likeliest(knobs, given, say)
-        components, theta = _components(knobs, best, moving, say)
+        told = estimated(replace(problem, recordings=recordings), say)
+        posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.theta, told.given
         force = sizes(posed, best.solution)
-        untold = np.array([w.is_noise and not sought for w, sought in zip(knobs.weights, moving, strict=True)])  # the same for all
+        untold = np.array([w.is_noise and not sought for w, sought in zip(knobs.weights, told.moving, strict=True)])  # the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
@@ -100,13 +94,13 @@ def weigh(
     chosen, why = _recommended(outcomes)
     say("smoothing with the recommended weights")
     weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
-    result = smooth(replace(_open(replace(problem, recordings=recordings)), weights=weights), progress=say)
+    result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), progress=say)
     moves = _moves(knobs, best)
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,
         why=why,
-        components=components,
+        components=told.components,
         correlation=_correlation(knobs, best),
         moves=moves,
         outcomes=tuple(outcomes),
@@ -115,56 +109,6 @@ def weigh(
         problem=problem,
     )
     return replace(found, notes=(*([split] if split else []), *words(found), *result.notes))
-
-
-def _open(problem: Problem) -> Problem:
-    """The problem without W at its balances and V of its outputs; what only a given weight makes part of it stays."""
-    weights, plain = problem.weights, {p.name for p in problem.dae.places}
-    own = {name: std for name, std in weights.W.items() if name not in plain or name in weights.tau}
-    recordings = [replace(r, output_std=dict.fromkeys(r.outputs)) for r in problem.recordings]
-    return replace(problem, recordings=recordings, weights=replace(weights, W=own, V=noisy_inputs(problem)))
-
-
-def _likeliest(knobs: Turned, given: Array, say: Progress) -> tuple[Found, Array]:
-    """The weights of greatest likelihood, and which of them (F,) were sought.
-
-    A sensor whose samples the residual forces can all follow does not tell its noise from them: it keeps what is given, or was at first.
-    """
-    theta = np.zeros(len(knobs.weights))
-    moving = np.array([w.is_component for w in knobs.weights])
-    while True:
-        best = maximise(knobs, theta, moving, say=say)
-        left, noise = best.likelihood.freedom, np.array([w.is_noise for w in knobs.weights])
-        untold = moving & noise & (left < FOLLOWED * best.likelihood.counts)
-        if not untold.any():
-            return best, moving
-        theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
-        moving = moving & ~untold
-
-
-def _components(knobs: Turned, best: Found, moving: Array, say: Progress) -> tuple[dict[str, Component], Array]:
-    """What the data tell of every weight, and theta (F,) where a force that may be none is as small as can be told."""
-    components, theta, spread = {}, best.theta.copy(), best.std
-    for f, weight in enumerate(knobs.weights):
-        if not weight.is_component:
-            continue
-        p = None
-        if not weight.is_noise:
-            p, gone = without(knobs, best, f, moving, say)
-            if p > ZERO:
-                theta[f] = max(theta[f], gone)
-        told = float(spread[f]) if moving[f] else float("nan")
-        components[weight.label] = Component(std=weight.std * float(np.exp(theta[f])), log_std=told, p_zero=p, unit=weight.unit)
-    return components, theta
-
-
-def _given(problem: Problem, knobs: Turned) -> Array:
-    """theta (F,) of the weights that the problem gives, NaN of those that it leaves out."""
-    stds = {f"W of {name}": std for name, std in problem.weights.W.items()}
-    for recording in problem.recordings:
-        stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
-    stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
-    return np.array([np.log(stds[w.label] / w.std) if w.label in stds else np.nan for w in knobs.weights])
 
 
 def _weights(weights: Weights, knobs: Turned, theta: Array) -> Weights:

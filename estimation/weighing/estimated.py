@@ -1,0 +1,109 @@
+"""What the data tell of the weights of a problem: the greatest likelihood over all that make sense, with intervals and tests of zero.
+
+problem with W and V left out -> smoothed -> likelihood of the weights on that mesh -> components
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..problem import Problem
+from ..smoothing.smoother import smooth
+from ..supposed import noisy_inputs
+from .components import ZERO, Component, Found, maximise, without
+from .turned import Turned, turned
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Progress = Callable[[str], None]
+
+FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its noise cannot be told from forces
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimated:
+    """posed: the problem with its weights left open; knobs: its weights on the mesh of its smoothing.
+
+    given (F,): theta of weights that were given, else NaN; best: the greatest likelihood over those that were sought, moving (F,) bool.
+    components: weight -> what the data tell; theta (F,): the best, with forces that may be none as small as can be told.
+    """
+
+    posed: Problem
+    knobs: Turned
+    given: Array
+    best: Found
+    moving: Array
+    components: dict[str, Component]
+    theta: Array
+
+
+def variance_components(problem: Problem, *, progress: Progress | None = None) -> dict[str, Component]:
+    """What the fitted recordings tell of every weight: `W of <place>`, `V of <output>` -> std, interval, and whether it may be none.
+
+    Raises InputError for a problem that cannot be posed.
+    """
+    return estimated(problem, progress or (lambda _: None)).components
+
+
+def estimated(problem: Problem, say: Progress) -> Estimated:
+    """The weights of the fitted recordings."""
+    posed = opened(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"]))
+    first = smooth(posed, progress=say)
+    knobs = turned(posed, first)
+    say("weights from the likelihood")
+    given = _given(problem, knobs)
+    best, moving = _likeliest(knobs, given, say)
+    components, theta = _components(knobs, best, moving, say)
+    return Estimated(posed=posed, knobs=knobs, given=given, best=best, moving=moving, components=components, theta=theta)
+
+
+def opened(problem: Problem) -> Problem:
+    """The problem without W at its balances and V of its outputs; what only a given weight makes part of it stays."""
+    weights, plain = problem.weights, {p.name for p in problem.dae.places}
+    own = {name: std for name, std in weights.W.items() if name not in plain or name in weights.tau}
+    recordings = [replace(r, output_std=dict.fromkeys(r.outputs)) for r in problem.recordings]
+    return replace(problem, recordings=recordings, weights=replace(weights, W=own, V=noisy_inputs(problem)))
+
+
+def _likeliest(knobs: Turned, given: Array, say: Progress) -> tuple[Found, Array]:
+    """The weights of greatest likelihood, and which of them (F,) were sought.
+
+    A sensor whose samples the residual forces can all follow does not tell its noise from them: it keeps what is given, or was at first.
+    """
+    theta = np.zeros(len(knobs.weights))
+    moving = np.array([w.is_component for w in knobs.weights])
+    while True:
+        best = maximise(knobs, theta, moving, say=say)
+        left, noise = best.likelihood.freedom, np.array([w.is_noise for w in knobs.weights])
+        untold = moving & noise & (left < FOLLOWED * best.likelihood.counts)
+        if not untold.any():
+            return best, moving
+        theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
+        moving = moving & ~untold
+
+
+def _components(knobs: Turned, best: Found, moving: Array, say: Progress) -> tuple[dict[str, Component], Array]:
+    """What the data tell of every weight, and theta (F,) where a force that may be none is as small as can be told."""
+    components, theta, spread = {}, best.theta.copy(), best.std
+    for f, weight in enumerate(knobs.weights):
+        if not weight.is_component:
+            continue
+        p = None
+        if not weight.is_noise:
+            p, gone = without(knobs, best, f, moving, say)
+            if p > ZERO:
+                theta[f] = max(theta[f], gone)
+        told = float(spread[f]) if moving[f] else float("nan")
+        components[weight.label] = Component(std=weight.std * float(np.exp(theta[f])), log_std=told, p_zero=p, unit=weight.unit)
+    return components, theta
+
+
+def _given(problem: Problem, knobs: Turned) -> Array:
+    """theta (F,) of the weights that the problem gives, NaN of those that it leaves out."""
+    stds = {f"W of {name}": std for name, std in problem.weights.W.items()}
+    for recording in problem.recordings:
+        stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
+    stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
+    return np.array([np.log(stds[w.label] / w.std) if w.label in stds else np.nan for w in knobs.weights])
