@@ -31,6 +31,16 @@ class AtOnce:
     ahead: tuple[int, ...] = ()
 
 
+def direct(dae: Dae, soft: Sequence[int]) -> tuple[Any, Any]:
+    """E (ny, nu) and D (ny, n_soft): what the input and the residual forces of these places do to the outputs at once."""
+    unknown, nu = ca.vertcat(dae.dx, dae.z), dae.u.shape[0]
+    right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, list(soft)])
+    both: Any = -ca.jacobian(dae.output, unknown) @ ca.solve(ca.jacobian(dae.residual, unknown), right)
+    both[:, nu:] += ca.jacobian(dae.output, dae.w)[:, list(soft)]
+    E, D = ca.horzsplit(ca.sparsify(ca.simplify(dae.undisturbed(both))), [0, nu, both.shape[1]])
+    return E, D
+
+
 @dataclass(frozen=True)
 class Pieces:
     """A DAE, the interpolation of its variables, and the horizons with the number of their first intervals."""
@@ -80,14 +90,8 @@ class Pieces:
 
     @cached_property
     def direct(self) -> tuple[Any, Any]:
-        """E (ny, nu) and D (ny, n_soft): what the input and the soft places' residual forces do to the outputs at once."""
-        dae, soft = self.dae, list(self.soft)
-        unknown = ca.vertcat(dae.dx, dae.z)
-        right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, soft])
-        both: Any = -ca.jacobian(dae.output, unknown) @ ca.solve(ca.jacobian(dae.residual, unknown), right)
-        both[:, dae.u.shape[0] :] += ca.jacobian(dae.output, dae.w)[:, soft]
-        E, D = ca.horzsplit(ca.sparsify(ca.simplify(dae.undisturbed(both))), [0, dae.u.shape[0], both.shape[1]])
-        return E, D
+        """E (ny, nu) and D (ny, n_soft) of the soft places."""
+        return direct(self.dae, self.soft)
 
     def outputs_at_samples(self, degree: int) -> AtOnce:
         """The outputs as the sensors read them.

@@ -8,6 +8,7 @@ import numpy as np
 
 from backsight.models import Dae
 from backsight.ocp import Horizon, mesh_over
+from backsight.ocp.pieces import direct
 
 from ..problem import Known, Problem
 from ..recordings.drive import drive_of
@@ -36,12 +37,18 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
 
 
 def shown_noise(problem: Problem) -> Array:
-    """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; (H, ny)."""
+    """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; (H, ny).
+
+    An output that reads forces at once, such as an acceleration, is as rough as they are and shows nothing of its noise.
+    """
+    dae = problem.dae
+    at_once = {i for part in direct(dae, range(len(dae.places))) for i in part.sparsity().row()}
     whole = {recording.name: recording for recording in problem.recordings}
     out = np.zeros((len(problem.fitted), len(problem.dae.outputs)))
     for row, piece in zip(out, problem.fitted, strict=True):
         own = whole[piece.name]
-        row[:] = [noise(own.time, own.outputs[q.name]).least if q.name in piece.outputs else 0.0 for q in problem.dae.outputs]
+        for i, q in enumerate(dae.outputs):
+            row[i] = noise(own.time, own.outputs[q.name]).least if q.name in piece.outputs and i not in at_once else 0.0
     return out
 
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from examples import compiled, lagged
 
+from backsight.data.generators import xy_table
 from backsight.estimation import Known, Problem, Recording, Weights
-from backsight.estimation.smoothing.horizons import make_horizon, output_stds, sample_density, sampling_interval
+from backsight.estimation.smoothing.horizons import make_horizon, output_stds, sample_density, sampling_interval, shown_noise
+from backsight.models.plants import PLANTS
 
 DAE = compiled(lagged())
 
@@ -66,3 +68,12 @@ def test_the_density_of_samples_counts_those_that_are_there():
 
 def test_the_sampling_interval_is_the_median():
     assert sampling_interval(recording(time=np.concatenate([np.arange(100) * 0.01, [50.0]]))) == pytest.approx(0.01)
+
+
+def test_an_encoder_shows_its_noise_and_an_accelerometer_shows_the_forces_it_reads():
+    run = xy_table.record(seed=1, conditions=replace(xy_table.CONDITIONS, duration=1.0))
+    recording = Recording(name="run", time=run.time, inputs=run.inputs, outputs=run.outputs)
+    problem = Problem(model=PLANTS["xy_table"](), recordings=[recording])
+    shown = dict(zip((q.name for q in problem.dae.outputs), shown_noise(problem)[0], strict=True))
+    for name, std in run.noise.items():
+        assert shown[name] == (0.0 if name.startswith("a") else pytest.approx(std, rel=0.15))
