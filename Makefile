@@ -53,6 +53,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/bench.py
 	$(BIN)/python tests/benchmarks/compile.py
 	$(BIN)/python tests/benchmarks/tracking.py
+	$(BIN)/python tests/benchmarks/weighing.py
 
 prove: $(VENV)/.installed
 	$(BIN)/python tests/studies/prove.py --out prove_out
