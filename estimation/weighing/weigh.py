@@ -94,7 +94,7 @@ def weigh(
     chosen, why = _recommended(outcomes)
     say("smoothing with the recommended weights")
     weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
-    result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), progress=say)
+    result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), begin=best.solution, progress=say)
     moves = _moves(knobs, best)
     found = Weighing(
         recommended=result,
