@@ -141,7 +141,7 @@ def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[s
             found = maximise(turned, theta, others, here)
             if _ratio(best, found) > DOUBTLESS:
                 break
-    if found is not best and not found.settled:
+    if found is not best and found.rounds == 0:
         found = maximise(turned, found.theta, others, found.likelihood)
     if not all(at.solution.solved.status.converged for at in (best, found)):
         return float("nan"), float(found.theta[f])
