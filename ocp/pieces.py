@@ -60,15 +60,8 @@ class Pieces:
         """
         dae, rows = self.dae, self.rows_of(self.soft)
         F = dae.undisturbed(dae.residual[rows])
-        # a coloured force enters its balance as a state: the accelerations stand there, not in the row that shapes it
-        shaped = {e.shaped: row for row, e in enumerate(dae.equations) if e.shaped is not None}
-        inertial = dae.residual[[shaped.get(k, row) for k, row in zip(self.soft, rows, strict=True)]]
-        positions = {i for i, _, _ in dae.kinematics}
-        pattern = ca.jacobian_sparsity(inertial, dae.dx)
-        entries = [(r, i) for r, i in zip(pattern.row(), pattern.get_col(), strict=True) if i not in positions]
-        moving, fastest = sorted({r for r, _ in entries}), sorted({i for _, i in entries})
-        M = ca.jacobian(inertial[moving], ca.vertcat(*(dae.dx[i] for i in fastest))) if fastest else ca.SX(0, 0)
-        if not moving or M.shape[1] != len(moving) or ca.sprank(M) < len(moving):
+        moving, M = self.inertia
+        if not moving:
             return F
         # an inertia that drifts is a state; what it is measured by is its entry in p, which stands for nothing else
         names = [p.name for p in dae.parameters]
@@ -77,6 +70,24 @@ class Pieces:
         scaled = ca.SX(F)
         scaled[moving] = ca.substitute(M, now, ca.vertcat(self.p_ref, *(self.p_ref[k] for _, k in drifting))) @ ca.solve(M, F[moving])
         return scaled
+
+    @cached_property
+    def inertia(self) -> tuple[list[int], Any]:
+        """The soft rows with accelerations in them, and M: how these enter there. Neither where they are not as many.
+
+        A coloured force enters its balance as a state: the accelerations stand there, not in the row that shapes it.
+        """
+        dae, rows = self.dae, self.rows_of(self.soft)
+        shaped = {e.shaped: row for row, e in enumerate(dae.equations) if e.shaped is not None}
+        inertial = dae.residual[[shaped.get(k, row) for k, row in zip(self.soft, rows, strict=True)]]
+        positions = {i for i, _, _ in dae.kinematics}
+        pattern = ca.jacobian_sparsity(inertial, dae.dx)
+        entries = [(r, i) for r, i in zip(pattern.row(), pattern.get_col(), strict=True) if i not in positions]
+        moving, fastest = sorted({r for r, _ in entries}), sorted({i for _, i in entries})
+        M = ca.jacobian(inertial[moving], ca.vertcat(*(dae.dx[i] for i in fastest))) if fastest else ca.SX(0, 0)
+        if not moving or M.shape[1] != len(moving) or ca.sprank(M) < len(moving):
+            return [], ca.SX(0, 0)
+        return moving, M
 
     @cached_property
     def p_ref(self) -> Any:

@@ -25,6 +25,7 @@ from .likelihood import Likelihood
 from .turned import Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 ROUNDS = 20
 GAIN = 0.005  # of the log likelihood: what another step may promise at the end
@@ -62,21 +63,27 @@ class Component:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """Weights of the greatest likelihood, theta (F,), the solution there, AI over all of them, and whether the search arrived."""
+    """Weights of the greatest likelihood, theta (F,), the solution there, which were sought, (F,) bool, and whether the search arrived."""
 
     theta: Array
+    moving: Mask
     solution: Solution
     likelihood: Likelihood
     settled: bool
     rounds: int
 
+    @property
+    def arrived(self) -> bool:
+        """Whether the search is at an end, at a solution that is one."""
+        return self.settled and self.solution.solved.status.converged and bool(np.isfinite(self.likelihood.value))
+
     @cached_property
     def covariance(self) -> Array:
-        """Of theta, (F, F); NaN where the data do not tell."""
+        """Of the theta that were sought, the others as they are, (F, F); NaN where the data do not tell."""
         information = self.likelihood.information
         information = (information + information.T) / 2
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
-        told = np.flatnonzero(size > 0)
+        told = np.flatnonzero((size > 0) & self.moving)
         out = np.full(information.shape, np.nan)
         values, vectors = np.linalg.eigh(information[np.ix_(told, told)] / np.outer(size[told], size[told]))
         if np.all(values > 0):
@@ -92,7 +99,7 @@ class Found:
 def maximise(
     turned: Turned,
     theta: Array,
-    moving: Array,
+    moving: Mask,
     here: Likelihood | None = None,
     say: Callable[[str], None] | None = None,
     gain: float = GAIN,
@@ -100,10 +107,10 @@ def maximise(
     """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
     here = here or _at(turned, theta, None)
     value, settled, rounds = here.value, not moving.any(), 0
+    noise = np.array([w.is_noise for w in turned.weights], dtype=bool)
     for rounds in range(1, ROUNDS + 1) if moving.any() else ():
         # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
-        moving = moving & ~np.array([here.freedom[f] < GONE and not w.is_noise for f, w in enumerate(turned.weights)])
-        step = _step(here, moving)
+        step = _step(here, np.logical_and(moving, noise | (here.freedom >= GONE) | (here.slope > 0)))
         promise = float(step @ here.slope) / 2
         if say is not None:
             say(f"weights from the likelihood, round {rounds}: log likelihood {value:.2f}, {promise:.2g} to be gained")
@@ -119,14 +126,14 @@ def maximise(
         else:
             break
         theta, here, value = theta + length * step, there, there.value
-    return Found(theta=theta, solution=here.solution, likelihood=here, settled=settled, rounds=rounds)
+    return Found(theta=theta, moving=moving, solution=here.solution, likelihood=here, settled=settled, rounds=rounds)
 
 
-def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[str], None] | None = None) -> tuple[float, float]:
-    """p that weight f is zero, NaN where a solve did not arrive, and theta_f taken for zero: the largest not to be told from it.
+def without(turned: Turned, best: Found, f: int, moving: Mask, say: Callable[[str], None] | None = None) -> float:
+    """p that weight f is zero, NaN where a solve did not arrive.
 
-    On the way down the likelihood only falls: where it has already fallen beyond doubt, that p is the most it can be, and the rest of the
-    way is not gone.
+    Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, that p is the most it can be, and the
+    rest of the way is not gone.
     """
     found, others = best, moving.copy()
     others[f] = False
@@ -136,20 +143,20 @@ def without(turned: Turned, best: Found, f: int, moving: Array, say: Callable[[s
         theta = found.theta.copy()
         theta[f] -= LOWER
         here = _at(turned, theta, found.solution.solved.decisions)
-        found = Found(theta=theta, solution=here.solution, likelihood=here, settled=False, rounds=0)
-        if _ratio(best, found) > DOUBTLESS:
+        found = Found(theta=theta, moving=others, solution=here.solution, likelihood=here, settled=False, rounds=0)
+        if here.solution.solved.status.converged and _ratio(best, found) > DOUBTLESS:
             found = maximise(turned, theta, others, here)
             if _ratio(best, found) > DOUBTLESS:
                 break
     if found is not best and found.rounds == 0:
         found = maximise(turned, found.theta, others, found.likelihood)
     if not all(at.solution.solved.status.converged for at in (best, found)):
-        return float("nan"), float(found.theta[f])
+        return float("nan")
     ratio = _ratio(best, found)
     p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
     if say is not None:
         say(f"without {turned.weights[f].label}: likelihood ratio {ratio:.1f}")
-    return p, float(found.theta[f])
+    return p
 
 
 def _ratio(best: Found, other: Found) -> float:
@@ -162,7 +169,7 @@ def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
     return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
 
 
-def _step(here: Likelihood, moving: Array) -> Array:
+def _step(here: Likelihood, moving: Mask) -> Array:
     """AI^-1 slope over the moving weights, of bounded length."""
     out, I, slope = np.zeros(len(moving)), here.information[np.ix_(moving, moving)], here.slope[moving]
     size = np.sqrt(np.maximum(np.diag(I), 2.0 * np.maximum(here.freedom[moving], 0.0) + 1e-12))

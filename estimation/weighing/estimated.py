@@ -13,7 +13,7 @@ import numpy as np
 from ..problem import Problem
 from ..smoothing.smoother import smooth
 from ..supposed import noisy_inputs
-from .components import ZERO, Component, Found, maximise, without
+from .components import Component, Found, maximise, without
 from .turned import Turned, turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -26,22 +26,21 @@ FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its
 class Estimated:
     """posed: the problem with its weights left open; knobs: its weights on the mesh of its smoothing.
 
-    given (F,): theta of weights that were given, else NaN; best: the greatest likelihood over those that were sought, moving (F,) bool.
-    components: weight -> what the data tell; theta (F,): the best, with forces that may be none as small as can be told.
+    given (F,): theta of weights that were given, else NaN; best: the greatest likelihood over those that could be sought.
+    components: weight -> what the data tell.
     """
 
     posed: Problem
     knobs: Turned
     given: Array
     best: Found
-    moving: Array
     components: dict[str, Component]
-    theta: Array
 
 
 def variance_components(problem: Problem, *, progress: Progress | None = None) -> dict[str, Component]:
     """What the fitted recordings tell of every weight: `W of <place>`, `V of <output>` -> std, interval, and whether it may be none.
 
+    Where the search for the greatest likelihood does not arrive there are no intervals and no p: they are NaN.
     Raises InputError for a problem that cannot be posed.
     """
     return estimated(problem, progress or (lambda _: None)).components
@@ -54,9 +53,8 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     knobs = turned(posed, first)
     say("weights from the likelihood")
     given = _given(problem, knobs)
-    best, moving = _likeliest(knobs, given, say)
-    components, theta = _components(knobs, best, moving, say)
-    return Estimated(posed=posed, knobs=knobs, given=given, best=best, moving=moving, components=components, theta=theta)
+    best = _likeliest(knobs, given, say)
+    return Estimated(posed=posed, knobs=knobs, given=given, best=best, components=_components(knobs, best, say))
 
 
 def opened(problem: Problem) -> Problem:
@@ -67,8 +65,8 @@ def opened(problem: Problem) -> Problem:
     return replace(problem, recordings=recordings, weights=replace(weights, W=own, V=noisy_inputs(problem)))
 
 
-def _likeliest(knobs: Turned, given: Array, say: Progress) -> tuple[Found, Array]:
-    """The weights of greatest likelihood, and which of them (F,) were sought.
+def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
+    """The weights of greatest likelihood.
 
     A sensor whose samples the residual forces can all follow does not tell its noise from them: it keeps what is given, or was at first.
     """
@@ -79,25 +77,23 @@ def _likeliest(knobs: Turned, given: Array, say: Progress) -> tuple[Found, Array
         left, noise = best.likelihood.freedom, np.array([w.is_noise for w in knobs.weights])
         untold = moving & noise & (left < FOLLOWED * best.likelihood.counts)
         if not untold.any():
-            return best, moving
+            return best
         theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
         moving = moving & ~untold
 
 
-def _components(knobs: Turned, best: Found, moving: Array, say: Progress) -> tuple[dict[str, Component], Array]:
-    """What the data tell of every weight, and theta (F,) where a force that may be none is as small as can be told."""
-    components, theta, spread = {}, best.theta.copy(), best.std
+def _components(knobs: Turned, best: Found, say: Progress) -> dict[str, Component]:
+    """What the data tell of every weight."""
+    components, spread = {}, best.std
     for f, weight in enumerate(knobs.weights):
         if not weight.is_component:
             continue
         p = None
         if not weight.is_noise:
-            p, gone = without(knobs, best, f, moving, say)
-            if p > ZERO:
-                theta[f] = max(theta[f], gone)
-        told = float(spread[f]) if moving[f] else float("nan")
-        components[weight.label] = Component(std=weight.std * float(np.exp(theta[f])), log_std=told, p_zero=p, unit=weight.unit)
-    return components, theta
+            p = without(knobs, best, f, best.moving, say) if best.arrived else float("nan")
+        told = float(spread[f]) if best.arrived else float("nan")
+        components[weight.label] = Component(std=weight.std * float(np.exp(best.theta[f])), log_std=told, p_zero=p, unit=weight.unit)
+    return components
 
 
 def _given(problem: Problem, knobs: Turned) -> Array:

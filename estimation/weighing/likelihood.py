@@ -2,14 +2,14 @@
 
 With theta the logarithms of standard deviations, r(X; theta) all scaled rows of the cost and H = J'J at the estimate X^, by Laplace,
 
-    l(theta)  =  -1/2 r'r  +  sum over rows of log scale  -  1/2 log det H  +  const
+    l(theta)  =  -1/2 r'r  +  sum over rows of log scale  +  sum over moments of log |det M|  -  1/2 log det H  +  const
 
     dl/dtheta_f  =  r_f'r_f  -  sum (1 - lambda),          lambda the leverage of the rows f, tr(H^-1 J_f'J_f) in all
     AI_fg        =  2 (delta_fg r_f'r_f  -  (J_f'r_f)' H^-1 (J_g'r_g))
 
 AI is the average information of Gilmour, Thompson & Cullis (Biometrics 51, 1995): the mean of the observed and the expected one, in which
-the traces that are dear to compute have cancelled. Both neglect how H bends with X^. What only depends on parameters (the density of a
-force as one of an acceleration, an inertia) is left out of l: between two weights on one mesh it hardly differs.
+the traces that are dear to compute have cancelled. Both neglect how H bends with X^. M, the inertia, makes a density of accelerations of
+one of forces: H has its square for every moment of the balances (`ocp/pieces.py`), and at other weights the parameters are others.
 """
 
 from __future__ import annotations
@@ -18,10 +18,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from backsight.ocp import Solution
+from backsight.ocp.follow import Followed
+from backsight.ocp.pieces import Pieces
 
+from ..smoothing.along import along
 from ..smoothing.robust import RobustSolution, log_density, row_squares
 from .kkt import gauss_newton
 from .turned import Mask
@@ -52,7 +56,7 @@ class Likelihood:
             total += float(np.sum(rows))
         moving = np.ones(s.transcription.nlp.size, dtype=bool)
         moving[s.held] = False
-        return total - 0.5 * s.curvature.log_determinant + float(np.sum(np.log(s.values.unit[moving])))
+        return total + _log_inertia(s) - 0.5 * s.curvature.log_determinant + float(np.sum(np.log(s.values.unit[moving])))
 
     @property
     def squares(self) -> Array:
@@ -106,6 +110,22 @@ class Likelihood:
             for part in (0, 1)
         )
         return squares, freedom
+
+
+def _log_inertia(solution: Solution) -> float:
+    """Sum of log |det M| over all moments of the balances, M in the middle of every interval."""
+    t = solution.transcription
+    rows, M = Pieces(t.dae, t.nlp.interpolation, t.horizons, t.offsets, t.soft).inertia
+    if not rows:
+        return 0.0
+    term = t.nlp.terms[solution.term(t.force_term)]
+    followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
+    logs = []
+    for number, horizon in enumerate(t.horizons):
+        knots = horizon.mesh.knots
+        values = along(t.dae, ca.vec(M), followed, number, (knots[1:] + knots[:-1]) / 2, solution.parameters)
+        logs.append(np.linalg.slogdet(values.T.reshape(-1, len(rows), len(rows)))[1])
+    return float(np.sum(np.concatenate(logs)[term.interval])) * float(term.target.shape[0] // len(t.soft))
 
 
 def _log_densities(solution: Solution, number: int) -> Array:

@@ -31,7 +31,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
 Kind = Literal["W", "V", "drift", "prior"]
 
-TOLERANCE = 1e-3  # of a solve at other weights, in deviations
+TOLERANCE = 1e-3  # of a solve at other weights: on its gradient, with every unknown in deviations that it would have by itself
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,10 +84,15 @@ class Turned:
         return self.program.solve(begin, self.values(theta), newton, say or (lambda _: None))
 
     def solved(self, theta: Array, start: Array | None = None) -> Solution:
-        """The same to a thousandth of a deviation, with exact second derivatives where steps of Gauss and Newton do not suffice."""
+        """The same to TOLERANCE, with exact second derivatives where steps of Gauss and Newton do not suffice.
+
+        A robust loss has more steps instead: to the full tolerance its tails are judged anew, and likelihoods would not compare.
+        """
         roughly = replace(self, program=self._roughly)
         found = roughly.solve(theta, start)
-        return roughly.solve(theta, found.solved.decisions, newton=True) if found.solved.status is Status.ITERATIONS else found
+        if found.solved.status is not Status.ITERATIONS:
+            return found
+        return roughly.solve(theta, found.solved.decisions, newton=self.program.losses is None)
 
     @cached_property
     def _roughly(self) -> Program:

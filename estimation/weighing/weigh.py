@@ -49,7 +49,8 @@ class Weighing:
     recommended: the problem smoothed with the weights that it recommends, which are `recommended.weights`; chosen: the setting that they
     come from; why: a sentence.
     components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds a tenfold std would move it, to
-    first order. outcomes: of all settings. forces: place -> rms of the largest force there. notes: what the study says in words.
+    first order. outcomes: of all settings. forces: place -> rms of the largest force there. arrived:
+    whether the search for the greatest likelihood did. notes: what the study says in words.
     """
 
     recommended: Smoothing
@@ -60,6 +61,7 @@ class Weighing:
     moves: Mapping[str, Mapping[str, float]]
     outcomes: tuple[Outcome, ...]
     forces: Mapping[str, float]
+    arrived: bool
     notes: tuple[str, ...]
     problem: Problem
 
@@ -82,9 +84,9 @@ def weigh(
     with workers(jobs, scheduler) as pool:
         recordings, split = with_held_out(problem.recordings)
         told = estimated(replace(problem, recordings=recordings), say)
-        posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.theta, told.given
+        posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
         force = sizes(posed, best.solution)
-        untold = np.array([w.is_noise and not sought for w, sought in zip(knobs.weights, told.moving, strict=True)])  # the same for all
+        untold = np.array([w.is_noise and not sought for w, sought in zip(knobs.weights, best.moving, strict=True)])  # the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
@@ -94,7 +96,7 @@ def weigh(
     chosen, why = _recommended(outcomes)
     say("smoothing with the recommended weights")
     weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
-    result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), begin=best.solution, progress=say)
+    result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), progress=say)
     moves = _moves(knobs, best)
     found = Weighing(
         recommended=result,
@@ -105,6 +107,7 @@ def weigh(
         moves=moves,
         outcomes=tuple(outcomes),
         forces=force,
+        arrived=best.arrived,
         notes=(),
         problem=problem,
     )

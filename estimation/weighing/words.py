@@ -22,7 +22,8 @@ DIGITS = 16.0  # of a number
 
 def words(found: Weighing) -> tuple[str, ...]:
     """Sentences, the most important ones first."""
-    return (found.why, *_equations(found), *_weights(found), *_moving(found), *_conditioning(found))
+    lost = () if found.arrived else ("The search for the weights of greatest likelihood did not arrive: they have no intervals.",)
+    return (found.why, *lost, *_equations(found), *_weights(found), *_moving(found), *_conditioning(found))
 
 
 def _equations(found: Weighing) -> list[str]:
@@ -46,7 +47,7 @@ def _equations(found: Weighing) -> list[str]:
 def _weights(found: Weighing) -> list[str]:
     hardly = [label for label, c in found.components.items() if not c.may_be_none and c.log_std > TOLD]
     out = [f"The data hardly tell {listed(hardly)}: a factor of two either way would do."] if hardly else []
-    untold = [label for label, c in found.components.items() if label.startswith("V") and np.isnan(c.log_std)]
+    untold = [label for label, c in found.components.items() if found.arrived and label.startswith("V") and np.isnan(c.log_std)]
     out += [
         f"{label}: the residual forces can follow every sample, and tell nothing of its noise; give what its sensor has."
         for label in untold

@@ -60,6 +60,7 @@ def table(runs: list[dict[str, Any]]) -> str:
     for label in dict.fromkeys(label for r in good for label in r["weights"]):
         rows = [r["weights"][label] for r in good if label in r["weights"]]
         there, none = [w for w in rows if w["true"]], [w for w in rows if not w["true"]]
+        there = [w for w in there if np.isfinite(w["log_std"])]
         ratio = np.array([w["std"] / w["true"] for w in there])
         z = np.log(ratio) / np.array([w["log_std"] for w in there]) if there else np.empty(0)
         told = [w for w in none if w["p_zero"] is not None and np.isfinite(w["p_zero"])]
@@ -85,16 +86,20 @@ def main() -> None:
     if unknown := sorted(set(plants) - set(CASES)):
         parser.error(f"--plants {','.join(unknown)}: no such plant; there are {', '.join(CASES)}")
     runs: dict[str, dict[str, Any]] = json.loads(asked.out.read_text()) if asked.out and asked.out.exists() else {}
-    todo = [(plant, seed) for plant in plants for seed in range(asked.seeds) if f"{plant} {seed}" not in runs]
+    todo = [(plant, seed) for plant in plants for seed in range(asked.seeds) if "weights" not in runs.get(f"{plant} {seed}", {})]
     with ProcessPoolExecutor(asked.jobs) as pool:
-        for future in as_completed([pool.submit(estimate, *what) for what in todo]):
-            run = future.result()
-            runs[f"{run['plant']} {run['seed']}"] = run
-            print(f"{run['plant']} {run['seed']}: {run['seconds']:.0f} s {run.get('error', '')}", file=sys.stderr, flush=True)
-            if asked.out:
-                partial = asked.out.with_suffix(".partial")
-                partial.write_text(json.dumps(runs, indent=1))
-                partial.replace(asked.out)
+        try:
+            for future in as_completed([pool.submit(estimate, *what) for what in todo]):
+                run = future.result()
+                runs[f"{run['plant']} {run['seed']}"] = run
+                print(f"{run['plant']} {run['seed']}: {run['seconds']:.0f} s {run.get('error', '')}", file=sys.stderr, flush=True)
+                if asked.out:
+                    partial = asked.out.with_suffix(".partial")
+                    partial.write_text(json.dumps(runs, indent=1))
+                    partial.replace(asked.out)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
     for plant in plants:
         print("\n" + table([runs[f"{plant} {seed}"] for seed in range(asked.seeds)]))
 

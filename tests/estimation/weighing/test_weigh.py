@@ -121,3 +121,19 @@ def test_on_a_cluster_that_loses_a_worker_the_study_is_finished(found):
     assert killed
     for one, other in zip(found.outcomes, there.outcomes, strict=True):
         assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"weights": Weights(W={"mass": 5.0}, tau={"mass": 0.2})},
+        {"weights": Weights(V={"F": 1.0})},
+        {"parameters": TRUE | {"offset.f": Free(0.5, drift=0.3, std=1.0)}},
+    ],
+    ids=["a force with a memory", "a measured input", "a parameter that drifts"],
+)
+def test_problems_that_are_posed_with_more_states_are_studied_too(asked):
+    study = weigh(replace(problem(), **asked))
+    assert study.recommended.solver.converged
+    assert all(o.converged for o in study.outcomes)
+    assert study.arrived
