@@ -34,6 +34,8 @@ class AtOnce:
 def direct(dae: Dae, soft: Sequence[int]) -> tuple[Any, Any]:
     """E (ny, nu) and D (ny, n_soft): what the input and the residual forces of these places do to the outputs at once."""
     unknown, nu = ca.vertcat(dae.dx, dae.z), dae.u.shape[0]
+    if not ca.jacobian_sparsity(dae.output, ca.vertcat(unknown, dae.w)).nnz():
+        return ca.SX(dae.output.shape[0], nu), ca.SX(dae.output.shape[0], len(soft))
     right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, list(soft)])
     both: Any = -ca.jacobian(dae.output, unknown) @ ca.solve(ca.jacobian(dae.residual, unknown), right)
     both[:, nu:] += ca.jacobian(dae.output, dae.w)[:, list(soft)]
@@ -94,11 +96,6 @@ class Pieces:
         """The parameters at which a solve starts: the program's own, before the free ones are put in."""
         return ca.SX.sym("p_ref", self.dae.p.shape[0])
 
-    @property
-    def sees_forces(self) -> bool:
-        """Whether an output looks at x', z or a residual force."""
-        return bool(ca.jacobian_sparsity(self.dae.output, ca.vertcat(self.dae.dx, self.dae.z, self.dae.w)).nnz())
-
     @cached_property
     def direct(self) -> tuple[Any, Any]:
         """E (ny, nu) and D (ny, n_soft) of the soft places."""
@@ -117,8 +114,6 @@ class Pieces:
         the samples; on a finer one the force of the first part stands for the whole, and the reading tells less.
         """
         dae, nothing = self.dae, ca.SX(0, 1)
-        if not self.sees_forces:
-            return AtOnce(output=dae.output, rest=nothing, coefficients=nothing, moments=nothing, force=nothing)
         du, (E, D) = ca.SX.sym("du", dae.u.shape[0]), self.direct
         places, output = sorted(set(D.sparsity().get_col())), dae.output + E @ du
         if not places:

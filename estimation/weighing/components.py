@@ -63,14 +63,17 @@ class Component:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """Weights of the greatest likelihood, theta (F,), the solution there, which were sought, (F,) bool, and whether the search arrived."""
+    """Weights of the greatest likelihood, theta (F,), which of them were sought, (F,) bool, and whether the steps came to an end."""
 
     theta: Array
     moving: Mask
-    solution: Solution
     likelihood: Likelihood
     settled: bool
-    rounds: int
+
+    @property
+    def solution(self) -> Solution:
+        """The solution there."""
+        return self.likelihood.solution
 
     @property
     def arrived(self) -> bool:
@@ -105,63 +108,60 @@ def maximise(
     gain: float = GAIN,
 ) -> Found:
     """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
-    here = here or _at(turned, theta, None)
-    value, settled, rounds = here.value, not moving.any(), 0
-    noise = np.array([w.is_noise for w in turned.weights], dtype=bool)
+    here, settled = here or _at(turned, theta, None), not moving.any()
     for rounds in range(1, ROUNDS + 1) if moving.any() else ():
         # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
-        step = _step(here, np.logical_and(moving, noise | (here.freedom >= GONE) | (here.slope > 0)))
+        step = _step(here, moving & (turned.noise | np.greater_equal(here.freedom, GONE) | np.greater(here.slope, 0.0)))
         promise = float(step @ here.slope) / 2
         if say is not None:
-            say(f"weights from the likelihood, round {rounds}: log likelihood {value:.2f}, {promise:.2g} to be gained")
+            say(f"weights from the likelihood, round {rounds}: log likelihood {here.value:.2f}, {promise:.2g} to be gained")
         if promise < gain:
             settled = True
             break
         length = 1.0
         while length > 0.1:
             there = _at(turned, theta + length * step, here.solution.solved.decisions)
-            if there.value > value - gain:
+            if there.value > here.value - gain:
                 break
             length /= 3.0
         else:
             break
-        theta, here, value = theta + length * step, there, there.value
-    return Found(theta=theta, moving=moving, solution=here.solution, likelihood=here, settled=settled, rounds=rounds)
+        theta, here = theta + length * step, there
+    return Found(theta=theta, moving=moving, likelihood=here, settled=settled)
 
 
-def without(turned: Turned, best: Found, f: int, moving: Mask, say: Callable[[str], None] | None = None) -> float:
+def without(turned: Turned, best: Found, f: int, say: Callable[[str], None] | None = None) -> float:
     """p that weight f is zero, NaN where a solve did not arrive.
 
     Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, that p is the most it can be, and the
     rest of the way is not gone.
     """
-    found, others = best, moving.copy()
-    others[f] = False
+    theta, here = best.theta, best.likelihood
+    alone = np.arange(len(theta)) == f
     for _ in range(STEPS_DOWN):
-        if found.likelihood.freedom[f] < GONE:
+        if here.freedom[f] < GONE:
             break
-        theta = found.theta.copy()
-        theta[f] -= LOWER
-        here = _at(turned, theta, found.solution.solved.decisions)
-        found = Found(theta=theta, moving=others, solution=here.solution, likelihood=here, settled=False, rounds=0)
-        if here.solution.solved.status.converged and _ratio(best, found) > DOUBTLESS:
-            found = maximise(turned, theta, others, here)
-            if _ratio(best, found) > DOUBTLESS:
+        theta = theta - LOWER * alone
+        here = _at(turned, theta, here.solution.solved.decisions)
+        if here.solution.solved.status.converged and _ratio(best, here) > DOUBTLESS:
+            gone = maximise(turned, theta, best.moving & ~alone, here)
+            theta, here = gone.theta, gone.likelihood
+            if _ratio(best, here) > DOUBTLESS:
                 break
-    if found is not best and found.rounds == 0:
-        found = maximise(turned, found.theta, others, found.likelihood)
-    if not all(at.solution.solved.status.converged for at in (best, found)):
+    if here is not best.likelihood:
+        here = maximise(turned, theta, best.moving & ~alone, here).likelihood
+    if not all(at.solution.solved.status.converged for at in (best.likelihood, here)):
         return float("nan")
-    ratio = _ratio(best, found)
+    ratio = _ratio(best, here)
     p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
     if say is not None:
         say(f"without {turned.weights[f].label}: likelihood ratio {ratio:.1f}")
     return p
 
 
-def _ratio(best: Found, other: Found) -> float:
-    """LR of the other one against the best."""
-    return 2.0 * (best.likelihood.value - other.likelihood.value)
+def _ratio(best: Found, here: Likelihood) -> float:
+    """LR against the best."""
+    return 2.0 * (best.likelihood.value - here.value)
 
 
 def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:

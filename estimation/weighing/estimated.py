@@ -74,8 +74,7 @@ def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
     moving = np.array([w.is_component for w in knobs.weights])
     while True:
         best = maximise(knobs, theta, moving, say=say)
-        left, noise = best.likelihood.freedom, np.array([w.is_noise for w in knobs.weights])
-        untold = moving & noise & (left < FOLLOWED * best.likelihood.counts)
+        untold = moving & knobs.noise & (best.likelihood.freedom < FOLLOWED * best.likelihood.counts)
         if not untold.any():
             return best
         theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
@@ -90,7 +89,7 @@ def _components(knobs: Turned, best: Found, say: Progress) -> dict[str, Componen
             continue
         p = None
         if not weight.is_noise:
-            p = without(knobs, best, f, best.moving, say) if best.arrived else float("nan")
+            p = without(knobs, best, f, say) if best.arrived else float("nan")
         told = float(spread[f]) if best.arrived else float("nan")
         components[weight.label] = Component(std=weight.std * float(np.exp(best.theta[f])), log_std=told, p_zero=p, unit=weight.unit)
     return components

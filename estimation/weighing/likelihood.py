@@ -42,7 +42,7 @@ class Likelihood:
     solution: Solution
     rows: Sequence[Rows]
 
-    @property
+    @cached_property
     def value(self) -> float:
         """l but for a constant of the mesh; NaN where the solution is no minimum."""
         s = self.solution

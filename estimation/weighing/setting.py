@@ -92,16 +92,14 @@ class Stand:
 
     def outcomes(self, chain: Sequence[Setting]) -> list[Outcome]:
         """The settings solved, one from where the one before arrived."""
-        found, start, unseen = list[Outcome](), self.start, None
+        found, start = list[Outcome](), self.start
         for setting in chain:
             solution = self.fitted.solved(np.array(setting.theta), start)
-            there = self._unseen(np.array(setting.theta), solution, unseen)
-            found.append(self._outcome(setting, solution, there))
+            found.append(self._outcome(setting, solution))
             start = solution.solved.decisions if found[-1].converged else start
-            unseen = there.solved.decisions if there is not None and there.solved.status.converged else unseen
         return found
 
-    def _outcome(self, setting: Setting, solution: Solution, there: Solution | None) -> Outcome:
+    def _outcome(self, setting: Setting, solution: Solution) -> Outcome:
         theta, turned, solved = np.array(setting.theta), self.fitted, solution.solved
         common: dict[str, Any] = {
             "setting": setting,
@@ -120,18 +118,19 @@ class Stand:
             force=_forces(turned, solution, likelihood.ratio),
             cost=solved.cost,
             log_likelihood=likelihood.value,
-            held_out=Likelihood(there, []).value if there is not None and there.solved.status.converged else float("nan"),
+            held_out=self.score(theta, solution),
             condition=gauss_newton(solution).condition,
             **common,
         )
 
-    def _unseen(self, theta: Array, solution: Solution, start: Array | None) -> Solution | None:
-        """What was held out, solved with the weights theta and the parameters of a solution."""
-        if self.held_out is None or not solution.solved.status.converged:
-            return None
+    def score(self, theta: Array, solution: Solution) -> float:
+        """Log likelihood of what was held out, with the weights theta and the parameters of a solution."""
+        if self.held_out is None:
+            return float("nan")
         stds = self.fitted.stds(theta)
         own = [np.log(stds.get(w.label, w.std) / w.std) for w in self.held_out.weights]
-        return self.held_out.with_parameters(values_of(solution)).solved(np.array(own), start)
+        there = self.held_out.with_parameters(values_of(solution)).solved(np.array(own))
+        return Likelihood(there, []).value if there.solved.status.converged else float("nan")
 
 
 def solve(blob: bytes, chain: Sequence[Setting]) -> list[Outcome]:

@@ -88,11 +88,11 @@ class Turned:
 
         A robust loss has more steps instead: to the full tolerance its tails are judged anew, and likelihoods would not compare.
         """
-        roughly = replace(self, program=self._roughly)
-        found = roughly.solve(theta, start)
+        program, values = self._roughly, self.values(theta)
+        found = program.solve(program.start if start is None else start, values, False, lambda _: None)
         if found.solved.status is not Status.ITERATIONS:
             return found
-        return roughly.solve(theta, found.solved.decisions, newton=self.program.losses is None)
+        return program.solve(found.solved.decisions, values, program.losses is None, lambda _: None)
 
     @cached_property
     def _roughly(self) -> Program:
@@ -106,6 +106,11 @@ class Turned:
             if i not in t.nlp.free:
                 values[i] = found.get(info.name, values[i])
         return replace(self, program=replace(self.program, values=replace(self.program.values, parameters=values)))
+
+    @property
+    def noise(self) -> Mask:
+        """Which weights are noise of a sensor, (F,)."""
+        return np.array([w.is_noise for w in self.weights], dtype=np.bool_)
 
     @property
     def moving(self) -> Mask:

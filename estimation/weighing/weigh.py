@@ -49,8 +49,8 @@ class Weighing:
     recommended: the problem smoothed with the weights that it recommends, which are `recommended.weights`; chosen: the setting that they
     come from; why: a sentence.
     components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds a tenfold std would move it, to
-    first order. outcomes: of all settings. forces: place -> rms of the largest force there. arrived:
-    whether the search for the greatest likelihood did. notes: what the study says in words.
+    first order. outcomes: of all settings. forces: place -> rms of the largest force there. arrived: whether
+    the search for the greatest likelihood did. notes: what the study says in words.
     """
 
     recommended: Smoothing
@@ -86,7 +86,7 @@ def weigh(
         told = estimated(replace(problem, recordings=recordings), say)
         posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
         force = sizes(posed, best.solution)
-        untold = np.array([w.is_noise and not sought for w, sought in zip(knobs.weights, best.moving, strict=True)])  # the same for all
+        untold = knobs.noise & ~best.moving  # the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)

@@ -84,7 +84,7 @@ class Stage:
     @cached_property
     def direct(self) -> Any:
         """What residual forces do to the outputs at once, (ny, n_soft)."""
-        return self._pieces.direct[1] if self._pieces.sees_forces else ca.SX(self.dae.output.shape[0], len(self.soft))
+        return self._pieces.direct[1]
 
     # ---- functions
 

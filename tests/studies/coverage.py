@@ -29,6 +29,7 @@ import numpy as np
 
 from backsight.data.generators import actuator, drillstring, five_bar, quadrotor, xy_table
 from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.whole_files import written_whole
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS
 
@@ -115,12 +116,12 @@ def machine(plant: str, seed: int, info: Mapping[str, float]) -> Machine:
     return Machine(truth=truth, guess=guess, known=known)
 
 
-def pose(plant: str, seed: int, *, disturbed: bool = True) -> tuple[Problem, Machine]:
-    """The recording of a seed as a problem for the smoother; `disturbed`: with the white forces that the generator has by default."""
+def pose(plant: str, seed: int, process: Mapping[str, float] | None = None) -> tuple[Problem, Machine]:
+    """The recording of a seed as a problem for the smoother; `process`: its white forces, place -> std, by default the generator's own."""
     dae, generator = compile_model(PLANTS[plant]()), CASES[plant].generator
     info = {p.name: p for p in dae.parameters}
     drawn = machine(plant, seed, {name: p.value for name, p in info.items()})
-    conditions = generator.CONDITIONS if disturbed else replace(generator.CONDITIONS, process={})
+    conditions = generator.CONDITIONS if process is None else replace(generator.CONDITIONS, process=dict(process))
     run = generator.record(generator.with_values({**drawn.truth, **drawn.known}), seed=seed, conditions=conditions)
     recording = Recording(name=f"{plant} {seed}", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
     free = {name: Free(value, min=info[name].minimum, max=info[name].maximum) for name, value in drawn.guess.items()}
@@ -137,7 +138,7 @@ def _drawn(draw: Callable[[], dict[str, float]], accepted: Callable[[Mapping[str
 
 def estimate(plant: str, seed: int, disturbed: bool) -> dict[str, Any]:
     """The outcome of a run, as it is kept."""
-    problem, drawn = pose(plant, seed, disturbed=disturbed)
+    problem, drawn = pose(plant, seed, None if disturbed else {})
     began = time.perf_counter()
     result = smooth(problem)
     seconds = time.perf_counter() - began
@@ -230,9 +231,8 @@ def main() -> None:
                 key, run = started[future], future.result()
                 runs[key] = run
                 if asked.out:
-                    partial = asked.out.with_suffix(".partial")
-                    partial.write_text(json.dumps(runs, indent=1))
-                    partial.replace(asked.out)
+                    with written_whole(asked.out) as file:
+                        file.write(json.dumps(runs, indent=1).encode())
                 took = "" if run["seconds"] is None else f"{run['seconds']:7.1f} s"
                 print(f"{key:28s} {took:10s} {run['status']}", flush=True)
         except KeyboardInterrupt:

@@ -22,27 +22,24 @@ from typing import Any
 import numpy as np
 from coverage import CASES, pose
 
-from backsight.estimation import Free, Recording, variance_components
+from backsight.estimation import Free, variance_components
+from backsight.estimation.whole_files import written_whole
 
 
 def estimate(plant: str, seed: int) -> dict[str, Any]:
     """The outcome of a run, as it is kept."""
-    problem, drawn = pose(plant, seed)
-    generator = CASES[plant].generator
-    process = dict(generator.CONDITIONS.process)
+    process = dict(CASES[plant].generator.CONDITIONS.process)
     if len(process) > 1 or seed % 2:
         process[sorted(process)[seed % len(process)]] = 0.0
-    run = generator.record(
-        generator.with_values({**drawn.truth, **drawn.known}), seed=seed, conditions=replace(generator.CONDITIONS, process=process)
-    )
-    recording = Recording(name=f"{plant} {seed}", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
+    problem, drawn = pose(plant, seed, process)
+    noise = problem.recordings[0].output_std
     known = {k: replace(f, guess=drawn.truth[k]) if isinstance(f, Free) else f for k, f in problem.parameters.items()}
     began = time.perf_counter()
     try:
-        found = variance_components(replace(problem, recordings=[recording], parameters=known))
+        found = variance_components(replace(problem, parameters=known))
     except Exception as error:  # a run that fails is counted as one
         return {"plant": plant, "seed": seed, "error": f"{type(error).__name__}: {error}", "seconds": time.perf_counter() - began}
-    true = {f"W of {k}": v for k, v in process.items()} | {f"V of {k}": v for k, v in run.noise.items()}
+    true = {f"W of {k}": v for k, v in process.items()} | {f"V of {k}": v for k, v in noise.items()}
     weights = {
         label: {"true": true.get(label, 0.0), "std": c.std, "log_std": c.log_std, "p_zero": c.p_zero, "unit": c.unit}
         for label, c in found.items()
@@ -60,7 +57,7 @@ def table(runs: list[dict[str, Any]]) -> str:
     for label in dict.fromkeys(label for r in good for label in r["weights"]):
         rows = [r["weights"][label] for r in good if label in r["weights"]]
         there, none = [w for w in rows if w["true"]], [w for w in rows if not w["true"]]
-        there = [w for w in there if np.isfinite(w["log_std"])]
+        untold, there = sum(not np.isfinite(w["log_std"]) for w in there), [w for w in there if np.isfinite(w["log_std"])]
         ratio = np.array([w["std"] / w["true"] for w in there])
         z = np.log(ratio) / np.array([w["log_std"] for w in there]) if there else np.empty(0)
         told = [w for w in none if w["p_zero"] is not None and np.isfinite(w["p_zero"])]
@@ -71,6 +68,7 @@ def table(runs: list[dict[str, Any]]) -> str:
         called = f"{f'{zero} of {len(told)}':>14s}{len(none) - len(told):11d}" if none else " " * 25
         lines.append(f"    {label:24s}{right}{spread}{called}")
         lines += [f"{'':28s}{missed} of {len(there)} that are there called none"] if missed else []
+        lines += [f"{'':28s}{untold} without an interval, not in the row above"] if untold else []
     return "\n".join(lines)
 
 
@@ -94,9 +92,8 @@ def main() -> None:
                 runs[f"{run['plant']} {run['seed']}"] = run
                 print(f"{run['plant']} {run['seed']}: {run['seconds']:.0f} s {run.get('error', '')}", file=sys.stderr, flush=True)
                 if asked.out:
-                    partial = asked.out.with_suffix(".partial")
-                    partial.write_text(json.dumps(runs, indent=1))
-                    partial.replace(asked.out)
+                    with written_whole(asked.out) as file:
+                        file.write(json.dumps(runs, indent=1).encode())
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
             raise
