@@ -12,11 +12,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from .columnwise import Columnwise
 from .interpolation import Interpolation
 from .polynomials import Array
 from .terms import Term
 
 Index = NDArray[np.int64]
+
+COMMON = (1, 2)  # arguments that all columns have in common: theta and p
 
 
 class Block:
@@ -100,13 +103,20 @@ class Block:
         """Nonzeros of the lower triangle of J'J from the nonzeros of J."""
         return self._mapped("square", [self._slots], _nonzeros(self._square))
 
-    @cached_property
-    def linearised(self) -> Any:
-        """Values m and the nonzeros of their derivative in v."""
-        return self._mapped("linearised", self._arguments, self._column, _nonzeros(self._jacobian))
-
     def _mapped(self, name: str, inputs: list[Any], *outputs: Any) -> Any:
-        return ca.Function(name, inputs, list(outputs), {"cse": True}).map(self.term.columns)
+        return _function(name, inputs, *outputs).map(self.term.columns)
+
+    # ---- in numbers; arguments as `numbers` gives them
+
+    @cached_property
+    def valued(self) -> Columnwise:
+        """Values m, (K m, C)."""
+        return Columnwise(_function("value", self._arguments, self._column), COMMON)
+
+    @cached_property
+    def linearised(self) -> Columnwise:
+        """Values m and the nonzeros of their derivative in v."""
+        return Columnwise(_function("linearised", self._arguments, self._column, _nonzeros(self._jacobian)), COMMON)
 
     # ---- between columns, intervals and decisions
 
@@ -119,10 +129,9 @@ class Block:
         return [local, *repeated, ca.MX(ca.DM(self._numbers)), _rows(base, known), _rows(data, rows)]
 
     def numbers(self, c: Array, theta: Array, parameters: Array, base: Array, data: Array) -> list[Array]:
-        """The same of numbers."""
+        """The same of numbers, but what all columns have in common as vectors."""
         _, free, fixed, _, known, rows = self._used
-        repeated = [np.repeat(vector[used, None], self.term.columns, axis=1) for vector, used in ((theta, free), (parameters, fixed))]
-        return [c[self._taken], *repeated, self._numbers, base[known], data[rows]]
+        return [c[self._taken], theta[free], parameters[fixed], self._numbers, base[known], data[rows]]
 
     @cached_property
     def _taken(self) -> Index:
@@ -255,6 +264,10 @@ def _basis(interpolation: Interpolation, steps: Array, term: Term) -> tuple[_Bas
 def _at_nodes(interpolation: Interpolation, nodes: Array, length: Any) -> list[list[Any]]:
     places = np.asarray(nodes, dtype=np.float64)
     return [[float(e.differentiated(tau)) * length**e.power for e in interpolation.entries] for tau in places]
+
+
+def _function(name: str, inputs: list[Any], *outputs: Any) -> Any:
+    return ca.Function(name, inputs, [ca.densify(part) for part in outputs], {"cse": True})
 
 
 def _used(expression: Any, symbols: Any) -> list[int]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -49,16 +49,16 @@ class Evaluated:
         return sum(float(np.sum(self._row(number, X, values) ** 2)) / 2 for number, term in terms if not term.equality)
 
     def _row(self, number: int, X: Array, values: Values) -> Array:
-        (m,) = self._called(self._blocks[number].value, self._arguments(number, X, values))
+        (m,) = self._blocks[number].valued(*self._arguments(number, X, values))
         return np.asarray((m - values.target[number]) * values.scale[number], dtype=np.float64)
 
     def derivative(self, number: int, X: Array, values: Values) -> Array:
         """Derivative of one term's values m, not scaled, in the local unknowns and parameters, (C, K m, local + np)."""
-        return self._dense(number, self._called(self._blocks[number].linearised, self._arguments(number, X, values))[1])
+        return self._dense(number, self._blocks[number].linearised(*self._arguments(number, X, values))[1])
 
     def linearised(self, number: int, X: Array, values: Values) -> Linearised:
         """Rows of one term and their derivative, in the units of the program."""
-        m, nonzeros = self._called(self._blocks[number].linearised, self._arguments(number, X, values))
+        m, nonzeros = self._blocks[number].linearised(*self._arguments(number, X, values))
         scale, block = values.scale[number], self._blocks[number]
         nonzeros = nonzeros * scale[block.jacobian_rows] * self._units(values)[block.jacobian_columns][:, block.term.interval]
         return Linearised(number, (m - values.target[number]) * scale, self._dense(number, nonzeros))
@@ -67,20 +67,6 @@ class Evaluated:
         step, n = values.unit * X, self._nlp.trajectory_size
         theta = values.parameters[list(self._nlp.free)] + step[n:]
         return self._blocks[number].numbers(step[:n], theta, values.parameters, values.base[number], values.data[number])
-
-    def _called(self, function: Any, arguments: list[Array]) -> list[Array]:
-        """Results of a function of dense matrices, in place: CasADi's own conversion goes by way of lists."""
-        given = [np.ascontiguousarray(a.T, dtype=np.float64).ravel() for a in arguments]
-        out = [np.empty((function.size2_out(i), function.size1_out(i))) for i in range(function.n_out())]
-        buffer, evaluate = function.buffer()
-        for i, a in enumerate(given):
-            if a.size:
-                buffer.set_arg(i, a.data)
-        for i, a in enumerate(out):
-            if a.size:
-                buffer.set_res(i, a.ravel().data)
-        evaluate()
-        return [a.T for a in out]
 
     def _dense(self, number: int, nonzeros: Array) -> Array:
         block, term = self._blocks[number], self._nlp.terms[number]

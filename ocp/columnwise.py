@@ -1,0 +1,187 @@
+"""Functions of small dense matrices at many columns, an operation of all columns at a time.
+
+CasADi's virtual machine goes through all operations of one column, then of the next: each costs a dispatch that the processor mispredicts.
+Here the same operations, in the same order and with the same work vector, are NumPy's: each goes over a strip of columns, and its dispatch
+is shared by all of them. What hangs on nothing but shared arguments (parameters, which all columns have in common) is computed once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .polynomials import Array
+
+STRIP = 4096  # columns at a time, at most: NumPy's cost per call is small beside its work, and the work vector is no burden
+FEWEST = 128  # columns: of less CasADi's map is no slower
+REPAYS = 2000  # columns, of all calls together, that repay what it costs to read the operations
+
+
+def _if_else_zero(condition: Array, value: Array, out: Array) -> None:
+    np.copyto(out, np.where(condition != 0, value, 0.0))
+
+
+def _twice(value: Array, out: Array) -> None:
+    np.add(value, value, out)
+
+
+OPERATIONS: dict[int, Callable[..., Any]] = {
+    ca.OP_ASSIGN: np.positive,
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_NEG: np.negative,
+    ca.OP_EXP: np.exp,
+    ca.OP_LOG: np.log,
+    ca.OP_POW: np.power,
+    ca.OP_CONSTPOW: np.power,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_SQ: np.square,
+    ca.OP_TWICE: _twice,
+    ca.OP_SIN: np.sin,
+    ca.OP_COS: np.cos,
+    ca.OP_TAN: np.tan,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
+    ca.OP_LT: np.less,
+    ca.OP_LE: np.less_equal,
+    ca.OP_EQ: np.equal,
+    ca.OP_NE: np.not_equal,
+    ca.OP_NOT: np.logical_not,
+    ca.OP_AND: np.logical_and,
+    ca.OP_OR: np.logical_or,
+    ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil,
+    ca.OP_FMOD: np.fmod,
+    ca.OP_FABS: np.fabs,
+    ca.OP_SIGN: np.sign,
+    ca.OP_COPYSIGN: np.copysign,
+    ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
+    ca.OP_INV: np.reciprocal,
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_ASINH: np.arcsinh,
+    ca.OP_ACOSH: np.arccosh,
+    ca.OP_ATANH: np.arctanh,
+    ca.OP_ATAN2: np.arctan2,
+    ca.OP_LOG1P: np.log1p,
+    ca.OP_EXPM1: np.expm1,
+    ca.OP_HYPOT: np.hypot,
+}
+
+Operation = tuple[int, list[int], list[int]]  # what it does, to which registers, and into which
+Step = tuple[Callable[..., Any], tuple[Array, ...]]
+
+
+class Columnwise:
+    """A casadi.Function of SX with dense arguments and results of one column each, called for C columns at once.
+
+    shared: which arguments all columns have in common; these are given as vectors (n,), the others as (n, C).
+    """
+
+    def __init__(self, function: Any, shared: Sequence[int] = ()) -> None:
+        self._function, self._shared = function, frozenset(shared)
+        self._mapped: dict[int, Any] = {}
+        self._bound: dict[int, _Bound] = {}
+        self._seen = 0
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """Results (m, C)."""
+        given = [np.asarray(a, dtype=np.float64) for a in arguments]
+        count = next((a.shape[1] for k, a in enumerate(given) if k not in self._shared), 1)
+        before, self._seen = self._seen, self._seen + count
+        if count < FEWEST or before < REPAYS or self._operations is None:
+            return self._by_casadi(given, count)
+        width = -(-count // -(-count // STRIP))
+        bound = self._bound.get(width)
+        if bound is None:
+            bound = self._bound[width] = _Bound(self._function, self._operations, self._shared, width)
+        out = [np.empty((self._function.size1_out(i), count)) for i in range(self._function.n_out())]
+        with np.errstate(all="ignore"):
+            bound.share(given)
+            for first in range(0, count, width):
+                bound.run(given, out, first, min(first + width, count))
+        return out
+
+    @cached_property
+    def _operations(self) -> list[Operation] | None:
+        """What the function does; None where that is something else than arithmetic."""
+        f = self._function
+        kinds = [f.instruction_id(k) for k in range(f.n_instructions())]
+        if not all(kind in OPERATIONS or kind in (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT) for kind in kinds):
+            return None
+        return [(kind, f.instruction_input(k), f.instruction_output(k)) for k, kind in enumerate(kinds)]
+
+    def _by_casadi(self, given: list[Array], count: int) -> list[Array]:
+        """By CasADi's map, in place: its own conversion goes by way of lists."""
+        if count not in self._mapped:
+            self._mapped[count] = self._function.map(count)
+        function = self._mapped[count]
+        flat = [np.ascontiguousarray(np.repeat(a[None], count, axis=0) if k in self._shared else a.T).ravel() for k, a in enumerate(given)]
+        out = [np.empty((count, self._function.size1_out(i))) for i in range(function.n_out())]
+        buffer, evaluate = function.buffer()
+        for i, a in enumerate(flat):
+            if a.size:
+                buffer.set_arg(i, a.data)
+        for i, a in enumerate(out):
+            if a.size:
+                buffer.set_res(i, a.ravel().data)
+        evaluate()
+        return [a.T for a in out]
+
+
+class _Bound:
+    """The operations with their places in a work vector of a certain width, (registers, width)."""
+
+    def __init__(self, function: Any, operations: Sequence[Operation], shared: frozenset[int], width: int) -> None:
+        f, self._shared = function, shared
+        self._own = [np.zeros((f.size1_in(i), 1 if i in shared else width)) for i in range(f.n_in())]
+        self._results = [np.zeros((f.size1_out(i), width)) for i in range(f.n_out())]
+        work = np.zeros((f.sz_w(), width))
+        self._once, self._every = list[Step](), list[Step]()
+        now: dict[int, Array] = {}  # register -> where its value stands
+        for k, (kind, read, written) in enumerate(operations):
+            if kind == ca.OP_CONST:
+                now[written[0]] = np.full(1, f.instruction_constant(k))
+            elif kind == ca.OP_INPUT:
+                now[written[0]] = self._own[read[0]][read[1]]
+            elif kind == ca.OP_OUTPUT:
+                self._every.append((np.copyto, (self._results[written[0]][written[1]], now[read[0]])))
+            else:
+                operands = tuple(now[i] for i in read[: _arity(kind)])
+                once = all(a.size == 1 for a in operands)
+                out = np.zeros(1) if once else work[written[0]]
+                (self._once if once else self._every).append((OPERATIONS[kind], (*operands, out)))
+                now[written[0]] = out
+
+    def share(self, given: list[Array]) -> None:
+        """The arguments that all columns have, and what hangs on nothing else."""
+        for i in self._shared:
+            self._own[i][:, 0] = given[i]
+        for operation, arguments in self._once:
+            operation(*arguments)
+
+    def run(self, given: list[Array], out: list[Array], first: int, stop: int) -> None:
+        """Results of some columns; the rest of a strip keeps what was there."""
+        for i, own in enumerate(self._own):
+            if i not in self._shared:
+                own[:, : stop - first] = given[i][:, first:stop]
+        for operation, arguments in self._every:
+            operation(*arguments)
+        for found, part in zip(out, self._results, strict=True):
+            found[:, first:stop] = part[:, : stop - first]
+
+
+def _arity(kind: int) -> int:
+    """How many operands an operation has; CasADi names one twice where there is but one."""
+    function = OPERATIONS[kind]
+    return 1 if function is _twice or (isinstance(function, np.ufunc) and function.nin == 1) else 2
