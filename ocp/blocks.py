@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .columnwise import Columnwise
+from .columnwise import Columnwise, columnwise
 from .interpolation import Interpolation
 from .polynomials import Array
 from .terms import Term
@@ -111,12 +111,12 @@ class Block:
     @cached_property
     def valued(self) -> Columnwise:
         """Values m, (K m, C)."""
-        return Columnwise(_function("value", self._arguments, self._column), COMMON)
+        return columnwise(_function("value", self._arguments, self._column), COMMON)
 
     @cached_property
     def linearised(self) -> Columnwise:
         """Values m and the nonzeros of their derivative in v."""
-        return Columnwise(_function("linearised", self._arguments, self._column, _nonzeros(self._jacobian)), COMMON)
+        return columnwise(_function("linearised", self._arguments, self._column, _nonzeros(self._jacobian)), COMMON)
 
     # ---- between columns, intervals and decisions
 

@@ -8,7 +8,8 @@ is shared by all of them. What hangs on nothing but shared arguments (parameters
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
+from threading import Lock
 from typing import Any
 
 import casadi as ca
@@ -18,6 +19,7 @@ from .polynomials import Array
 
 STRIP = 4096  # columns at a time, at most: NumPy's cost per call is small beside its work, and the work vector is no burden
 FEWEST = 128  # columns: of less CasADi's map is no slower
+ALIVE = 16  # functions that are kept with their work vectors
 REPAYS = 2000  # columns, of all calls together, that repay what it costs to read the operations
 
 
@@ -78,8 +80,19 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_HYPOT: np.hypot,
 }
 
-Operation = tuple[int, list[int], list[int]]  # what it does, to which registers, and into which
+# what it does, with which registers (of a constant its number, of an argument its place), and into which register or place of a result
+Operation = tuple[int, list[Any], int | list[int]]
 Step = tuple[Callable[..., Any], tuple[Array, ...]]
+
+
+def columnwise(function: Any, shared: Sequence[int] = ()) -> Columnwise:
+    """The `Columnwise` of a function; of the same function once more, as programs on other meshes have it, the same one."""
+    return _made(function.serialize(), tuple(shared))
+
+
+@lru_cache(maxsize=ALIVE)
+def _made(text: str, shared: tuple[int, ...]) -> Columnwise:
+    return Columnwise(ca.Function.deserialize(text), shared)
 
 
 class Columnwise:
@@ -91,40 +104,47 @@ class Columnwise:
     def __init__(self, function: Any, shared: Sequence[int] = ()) -> None:
         self._function, self._shared = function, frozenset(shared)
         self._mapped: dict[int, Any] = {}
-        self._bound: dict[int, _Bound] = {}
-        self._seen = 0
+        self._bound: _Bound | None = None
+        self._seen, self._lock = 0, Lock()
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Results (m, C)."""
         given = [np.asarray(a, dtype=np.float64) for a in arguments]
         count = next((a.shape[1] for k, a in enumerate(given) if k not in self._shared), 1)
-        before, self._seen = self._seen, self._seen + count
-        if count < FEWEST or before < REPAYS or self._operations is None:
-            return self._by_casadi(given, count)
-        width = -(-count // -(-count // STRIP))
-        bound = self._bound.get(width)
-        if bound is None:
-            bound = self._bound[width] = _Bound(self._function, self._operations, self._shared, width)
-        out = [np.empty((self._function.size1_out(i), count)) for i in range(self._function.n_out())]
-        with np.errstate(all="ignore"):
-            bound.share(given)
-            for first in range(0, count, width):
-                bound.run(given, out, first, min(first + width, count))
-        return out
+        with self._lock:  # there is one work vector
+            before, self._seen = self._seen, self._seen + count
+            if count < FEWEST or before < REPAYS or self._operations is None:
+                return self._by_casadi(given, count)
+            width = -(-count // -(-count // STRIP))
+            if self._bound is None or self._bound.width != width:
+                self._bound = _Bound(self._function, self._operations, self._shared, width)
+            out = [np.empty((self._function.size1_out(i), count)) for i in range(self._function.n_out())]
+            with np.errstate(all="ignore"):
+                self._bound.share(given)
+                for first in range(0, count, width):
+                    self._bound.run(given, out, first, min(first + width, count))
+            return out
 
     @cached_property
     def _operations(self) -> list[Operation] | None:
         """What the function does; None where that is something else than arithmetic."""
-        f = self._function
-        kinds = [f.instruction_id(k) for k in range(f.n_instructions())]
-        if not all(kind in OPERATIONS or kind in (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT) for kind in kinds):
-            return None
-        return [(kind, f.instruction_input(k), f.instruction_output(k)) for k, kind in enumerate(kinds)]
+        f, found = self._function, list[Operation]()
+        for k in range(f.n_instructions()):
+            kind = f.instruction_id(k)
+            if kind == ca.OP_CONST:
+                found.append((kind, [f.instruction_constant(k)], f.instruction_output(k)[0]))
+            elif kind == ca.OP_OUTPUT:
+                found.append((kind, f.instruction_input(k), f.instruction_output(k)))
+            elif kind in OPERATIONS or kind == ca.OP_INPUT:
+                found.append((kind, f.instruction_input(k), f.instruction_output(k)[0]))
+            else:
+                return None
+        return found
 
     def _by_casadi(self, given: list[Array], count: int) -> list[Array]:
         """By CasADi's map, in place: its own conversion goes by way of lists."""
         if count not in self._mapped:
-            self._mapped[count] = self._function.map(count)
+            self._mapped = {count: self._function.map(count)}
         function = self._mapped[count]
         flat = [np.ascontiguousarray(np.repeat(a[None], count, axis=0) if k in self._shared else a.T).ravel() for k, a in enumerate(given)]
         out = [np.empty((count, self._function.size1_out(i))) for i in range(function.n_out())]
@@ -143,25 +163,26 @@ class _Bound:
     """The operations with their places in a work vector of a certain width, (registers, width)."""
 
     def __init__(self, function: Any, operations: Sequence[Operation], shared: frozenset[int], width: int) -> None:
-        f, self._shared = function, shared
+        f, self.width, self._shared = function, width, shared
         self._own = [np.zeros((f.size1_in(i), 1 if i in shared else width)) for i in range(f.n_in())]
         self._results = [np.zeros((f.size1_out(i), width)) for i in range(f.n_out())]
         work = np.zeros((f.sz_w(), width))
         self._once, self._every = list[Step](), list[Step]()
         now: dict[int, Array] = {}  # register -> where its value stands
-        for k, (kind, read, written) in enumerate(operations):
-            if kind == ca.OP_CONST:
-                now[written[0]] = np.full(1, f.instruction_constant(k))
+        for kind, read, written in operations:
+            if isinstance(written, list):
+                result, row = written
+                self._every.append((np.copyto, (self._results[result][row], now[read[0]])))
+            elif kind == ca.OP_CONST:
+                now[written] = np.full(1, read[0])
             elif kind == ca.OP_INPUT:
-                now[written[0]] = self._own[read[0]][read[1]]
-            elif kind == ca.OP_OUTPUT:
-                self._every.append((np.copyto, (self._results[written[0]][written[1]], now[read[0]])))
+                now[written] = self._own[read[0]][read[1]]
             else:
                 operands = tuple(now[i] for i in read[: _arity(kind)])
                 once = all(a.size == 1 for a in operands)
-                out = np.zeros(1) if once else work[written[0]]
+                out = np.zeros(1) if once else work[written]
                 (self._once if once else self._every).append((OPERATIONS[kind], (*operands, out)))
-                now[written[0]] = out
+                now[written] = out
 
     def share(self, given: list[Array]) -> None:
         """The arguments that all columns have, and what hangs on nothing else."""

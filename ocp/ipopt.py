@@ -153,6 +153,10 @@ class Solver:
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
         if not np.all(np.isfinite(start)):
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
+        if newton and not self.nlp.constraint_count:
+            # most of the way by plain steps, which cost a tenth of Ipopt's
+            near = self.solve(start, values, lower=lower, upper=upper, newton=False, progress=progress)
+            start, iterations = (near.decisions if np.isfinite(near.cost) else start), near.iterations
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
