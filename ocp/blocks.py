@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .columnwise import Columnwise, columnwise
+from .columnwise import FEWEST, Columnwise, Mapped, columnwise
 from .interpolation import Interpolation
 from .polynomials import Array
 from .terms import Term
@@ -104,7 +104,8 @@ class Block:
         return self._mapped("square", [self._slots], _nonzeros(self._square))
 
     def _mapped(self, name: str, inputs: list[Any], *outputs: Any) -> Any:
-        return _function(name, inputs, *outputs).map(self.term.columns)
+        function = _function(name, inputs, *outputs)
+        return Mapped(function, self.term.columns) if self.term.columns >= FEWEST else function.map(self.term.columns)
 
     # ---- in numbers; arguments as `numbers` gives them
 

@@ -159,12 +159,54 @@ class Columnwise:
         return [a.T for a in out]
 
 
+class Mapped(ca.Callback):
+    """A `Columnwise` without shared arguments as a node of other CasADi functions, with arguments (n, C) and results (m, C).
+
+    It has no derivatives. CasADi keeps no reference to it: whoever calls what it is a node of has to.
+    """
+
+    def __init__(self, function: Any, count: int) -> None:
+        ca.Callback.__init__(self)
+        self._function, self._count, self._wide = function, count, columnwise(function)
+        self.construct(function.name(), {})
+
+    def get_n_in(self) -> int:
+        """As the function."""
+        return int(self._function.n_in())
+
+    def get_n_out(self) -> int:
+        """As the function."""
+        return int(self._function.n_out())
+
+    def get_sparsity_in(self, i: int) -> Any:
+        """Dense."""
+        return ca.Sparsity.dense(self._function.numel_in(i), self._count)
+
+    def get_sparsity_out(self, i: int) -> Any:
+        """Dense."""
+        return ca.Sparsity.dense(self._function.size1_out(i), self._count)
+
+    def has_eval_buffer(self) -> bool:
+        """Numbers come and go in place."""
+        return True
+
+    def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
+        """Called by CasADi."""
+        given = [
+            np.frombuffer(a, dtype=np.float64).reshape(self._count, -1).T if len(a) else np.empty((0, self._count))
+            for i, a in enumerate(arg)
+        ]
+        for found, out in zip(self._wide(*given), res, strict=True):
+            np.frombuffer(out, dtype=np.float64).reshape(self._count, -1).T[:] = found
+        return 0
+
+
 class _Bound:
     """The operations with their places in a work vector of a certain width, (registers, width)."""
 
     def __init__(self, function: Any, operations: Sequence[Operation], shared: frozenset[int], width: int) -> None:
         f, self.width, self._shared = function, width, shared
-        self._own = [np.zeros((f.size1_in(i), 1 if i in shared else width)) for i in range(f.n_in())]
+        self._own = [np.zeros((f.numel_in(i), 1 if i in shared else width)) for i in range(f.n_in())]
         self._results = [np.zeros((f.size1_out(i), width)) for i in range(f.n_out())]
         work = np.zeros((f.sz_w(), width))
         self._once, self._every = list[Step](), list[Step]()

@@ -104,7 +104,7 @@ class Solver:
             # where rounding of the cost stops the line search, the answer is as good as it gets
             "acceptable_tol": 1e3 * self.options.tolerance,
             "acceptable_obj_change_tol": 1e-8,
-            "acceptable_iter": 1,
+            "acceptable_iter": 2,
             "constr_viol_tol": 1e-8,
             "max_iter": max_iterations,
             "max_wall_time": self.options.seconds,
@@ -123,6 +123,9 @@ class Solver:
             "jac_g": a.jac,
             "hess_lag": hessian,
             "error_on_fail": False,
+            # the sensitivity of the cost to p is asked by no one, and its gradient in X is given
+            "calc_lam_p": False,
+            "no_nlp_grad": True,
         }
         return ca.nlpsol("solver", "ipopt", program, options)
 
@@ -153,15 +156,12 @@ class Solver:
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
         if not np.all(np.isfinite(start)):
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
-        if newton and not self.nlp.constraint_count:
-            # most of the way by plain steps, which cost a tenth of Ipopt's
-            near = self.solve(start, values, lower=lower, upper=upper, newton=False, progress=progress)
-            start, iterations = (near.decisions if np.isfinite(near.cost) else start), near.iterations
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
             if newton or self.nlp.constraint_count:
-                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers)
+                near = None if exact or self.nlp.constraint_count else self._by_steps(here, lower, upper)
+                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers, near)
             else:
                 answer = self._by_steps(here, lower, upper)
             iterations, status = iterations + answer.iterations, answer.status
@@ -188,10 +188,12 @@ class Solver:
             on_bound=_on_bound(decisions, lower, upper, values.unit),
         )
 
-    def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array) -> Solved:
+    def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None) -> Solved:
+        """near: where plain steps arrived, which cost a fraction of Ipopt's."""
         low, high = here.scaled(lower), here.scaled(upper)
+        usable = near is not None and np.all(np.isfinite(near.decisions))
         answer = solver(
-            x0=start_on_constraints(self.nlp, here, low, high),
+            x0=here.scaled(near.decisions) if near is not None and usable else start_on_constraints(self.nlp, here, low, high),
             p=here.packed(),
             lbx=low,
             ubx=high,
@@ -207,7 +209,7 @@ class Solver:
             cost=self.nlp.assembled.evaluated.cost(X, here) if failed else float(answer["f"]),
             multipliers=np.asarray(answer["lam_g"], dtype=np.float64).ravel(),
             status=status,
-            iterations=int(stats["iter_count"]),
+            iterations=int(stats["iter_count"]) + (near.iterations if near is not None else 0),
             seconds=0.0,
         )
 

@@ -13,7 +13,7 @@ from backsight.ocp import Horizon, Solution
 
 from ..problem import Free, Problem
 from ..smoothing.along import along
-from ..smoothing.smoother import followed_by
+from ..smoothing.begun import followed_by
 from .candidates import Candidate, Exchange
 from .channels import of_input, of_sensor
 from .couplings import of_coupling, of_soft

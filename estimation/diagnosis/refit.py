@@ -21,8 +21,9 @@ from backsight.ocp import Options, Solution
 
 from ..problem import Free, Problem
 from ..results import Smoothing
+from ..smoothing.begun import Begun, force_stds
 from ..smoothing.program import Settings
-from ..smoothing.smoother import OutOfTime, force_stds, smooth
+from ..smoothing.smoother import OutOfTime, smooth
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .screen import Screened
@@ -135,7 +136,7 @@ def fitted(
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        there, weighed = _same_states(begin, now), now
+        there, weighed = _begun(begin, now), now
         if not settings.weigh:
             weighed, there = _loosely(with_weights_of(begin, now), there, candidate.place, settings)
         result = smooth(weighed, settings=settings, begin=there)
@@ -158,7 +159,7 @@ def _shared(blob: bytes) -> Any:
     return pickle.loads(blob)
 
 
-def _loosely(problem: Problem, begin: Solution | None, place: str, settings: Settings) -> tuple[Problem, Solution | None]:
+def _loosely(problem: Problem, begin: Solution | Begun | None, place: str, settings: Settings) -> tuple[Problem, Solution | Begun | None]:
     """Guesses and a start nearer to the end, where the candidate is at a body of which no output tells: that is led there by and by."""
     std = problem.weights.W.get(place)
     if begin is None or std is None or place not in hidden(problem):
@@ -195,10 +196,10 @@ def settled(problem: Problem, result: Smoothing) -> Problem:
     return replace(problem, parameters=known)
 
 
-def _same_states(begin: Solution | None, problem: Problem) -> Solution | None:
-    """The base model's solution, if its unknowns are those of the problem."""
-    if begin is None or not begin.solved.status.converged:
+def _begun(solution: Solution, problem: Problem) -> Solution | Begun | None:
+    """The base model's solution for the problem of another model; None where it has none."""
+    if not solution.solved.status.converged:
         return None
-    old, new = begin.transcription.dae, problem.posed.dae
-    same = [q.name for q in old.states] == [q.name for q in new.states] and len(old.algebraics) == len(new.algebraics)
-    return begin if same else None
+    old, new = solution.transcription.dae, problem.posed.dae
+    same = [q.name for q in (*old.states, *old.algebraics)] == [q.name for q in (*new.states, *new.algebraics)]
+    return solution if same else Begun.carried(solution, problem)

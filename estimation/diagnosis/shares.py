@@ -9,8 +9,8 @@ import numpy as np
 from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.along import forces
+from ..smoothing.begun import followed_by
 from ..smoothing.rest import near_rest
-from ..smoothing.smoother import followed_by
 from .score import Linearised
 from .screen import SURE, Screen, Screened
 from .supermodel import Look

@@ -22,7 +22,8 @@ from ..holds import with_better_hold
 from ..problem import Problem
 from ..results import Smoothing
 from .along import RIGID, exact_forces
-from .approach import approach
+from .approach import TIGHTEST, approach
+from .begun import Begun, followed_by
 from .horizons import output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
@@ -47,14 +48,15 @@ def smooth(
     problem: Problem,
     *,
     settings: Settings | None = None,
-    begin: Solution | None = None,
+    begin: Solution | Begun | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Smoothing:
     """Smooth the fitted recordings of a problem, and predict those that are held out.
 
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
     converge: `solver.converged` tells. settings: numerics (default: chosen). begin: a solution of the same recordings by a model with the
-    same states and algebraic variables, from whose trajectories, weights and mesh it starts; the guesses are taken for what they are.
+    same states and algebraic variables, or what a solution by another model is for this one (`begun.py`), from whose trajectories, weights
+    and mesh it starts; the guesses are taken for what they are.
     Raises InputError for a problem that cannot be posed, OutOfTime after `settings.seconds`.
     """
 
@@ -64,7 +66,7 @@ def smooth(
         say = _until(time.monotonic() + settings.seconds, say)
 
     def once(posed: Problem) -> Smoothing:
-        return _smoothed(posed, settings, begin, say)
+        return _smoothed(posed, settings, Begun.at(begin) if isinstance(begin, Solution) else begin, say)
 
     posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
@@ -89,7 +91,7 @@ def _until(end: float, say: Callable[[str], None]) -> Callable[[str], None]:
     return said
 
 
-def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say: Callable[[str], None]) -> Smoothing:
+def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Callable[[str], None]) -> Smoothing:
     began = time.perf_counter()
     asked, plain, problem = problem, problem.plain, problem.posed
     stds, open_outputs = output_stds(problem)
@@ -97,14 +99,14 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
         say("following the samples")
         followed = follow_closely(plain, stds, settings.step)
     else:
-        followed = followed_by(begin)
+        followed = begin.followed
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy(), dict[int, float]()
     if begin is not None:
-        named = force_stds(begin)
-        force_std = {k: named[p.name] for k, p in enumerate(problem.dae.places) if p.name in named}
-        exact = exact_forces(plain, followed, start)
+        exact = exact_forces(problem, followed, start)
+        # a place that only this model has gets the share of its forces that an approach ends with
+        force_std = {k: begin.force_std.get(problem.dae.places[k].name, TIGHTEST / RIGID * least) for k, least in exact.items()}
         floor = {k: min(std, exact[k]) for k, std in force_std.items()}
     elif plain.free or unseen_states(plain):
         least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
@@ -129,7 +131,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Solution | None, say:
         floor=floor,
         noise=LEAST_NOISE * shown_noise(problem),
     )
-    followed = lifted(problem, plain, followed, start)
+    followed = followed if begin is not None else lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}
     if begin is None and settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
         rough = work.roughly(followed, stds, force_std, start)
@@ -263,19 +265,6 @@ class _Work:
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         program = self.of_degree(degree).program(horizons, followed_by(solution), force_std, solution.parameters)
         return program.solve(program.start, program.values, newton, self.say)
-
-
-def followed_by(solution: Solution) -> Followed:
-    t, local = solution.transcription, slice(solution.transcription.nlp.interpolation.local)
-    covariance = None if solution.curvature is None else solution.interval_covariance[:, local, local]
-    return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, covariance=covariance)
-
-
-def force_stds(solution: Solution) -> dict[str, float]:
-    """Place -> std of its residual force in a solution, away from rest."""
-    t = solution.transcription
-    std = t.force_std_at(solution.values).min(axis=1, initial=np.inf)
-    return dict(zip((t.dae.places[k].name for k in t.soft), std.tolist(), strict=True))
 
 
 def _intervals(horizons: Sequence[Horizon]) -> int:

@@ -1,0 +1,92 @@
+"""Where a smoothing goes on from: the solution of the same problem, or of one whose model has other parts.
+
+What both models have by the same name goes on as it was; a state or an algebraic variable that only the new one has begins at its start
+value, and the first step of a solve leads it to where it belongs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backsight.models import Dae
+from backsight.ocp import ParameterPrior, Solution, transcribe
+from backsight.ocp.follow import Followed
+from backsight.ocp.passing import passing_through
+
+from ..problem import Problem
+from .along import along
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Begun:
+    """Trajectories of a problem, and place -> std of its residual force, away from rest."""
+
+    followed: Followed
+    force_std: dict[str, float]
+
+    @classmethod
+    def at(cls, solution: Solution) -> Begun:
+        """A solution of the same problem."""
+        return cls(followed=followed_by(solution), force_std=force_stds(solution))
+
+    @classmethod
+    def carried(cls, solution: Solution, problem: Problem) -> Begun | None:
+        """A solution of a problem with another model; None where the two have not the same inputs and outputs."""
+        t, dae = solution.transcription, problem.posed.dae
+        old = t.dae
+        if [q.name for q in (*old.inputs, *old.outputs)] != [q.name for q in (*dae.inputs, *dae.outputs)]:
+            return None
+        followed = followed_by(solution)
+        sources = [_source(old, q.name, q.start) for q in (*dae.states, *dae.algebraics)]
+        horizons = tuple(
+            replace(h, initial=_named(old, dae, h.initial, 0.0), initial_std=_named(old, dae, h.initial_std, np.inf)) for h in t.horizons
+        )
+
+        def curve(number: int, times: Array) -> tuple[Array, Array]:
+            rows = [source(followed, number, times, solution.parameters) for source in sources]
+            x, z = np.split(np.array(rows, dtype=np.float64).reshape(-1, len(times)), [len(dae.states)])
+            return x, z
+
+        nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
+        program = transcribe(dae, horizons, free=(), prior=nothing, force_std={}, method=t.method, degree=t.degree)
+        going = Followed(transcription=program, horizons=horizons, decisions=passing_through(program, curve))
+        return cls(followed=going, force_std=force_stds(solution))
+
+
+Source = Callable[[Followed, int, Array, Array], Array]
+
+
+def _source(old: Dae, name: str, start: float) -> Source:
+    """What a variable of the new model is in the old one: a function of (followed, number, times, parameters) -> (M,)."""
+    names = [q.name for q in old.states]
+    if name in names:
+        row = names.index(name)
+        return lambda followed, number, times, _: followed.at(number, times)[1][row]
+    if name in old.variables:
+        return lambda followed, number, times, p: along(old, old.variables[name], followed, number, times, p).ravel()
+    return lambda _, __, times, ___: np.full(len(times), start)
+
+
+def _named(old: Dae, dae: Dae, values: Array, otherwise: float) -> Array:
+    """What belongs to the old model's states, for the new one's."""
+    there = {q.name: v for q, v in zip(old.states, values, strict=True)}
+    return np.array([there.get(q.name, otherwise) for q in dae.states])
+
+
+def followed_by(solution: Solution) -> Followed:
+    """The trajectories of a solution."""
+    t, local = solution.transcription, slice(solution.transcription.nlp.interpolation.local)
+    covariance = None if solution.curvature is None else solution.interval_covariance[:, local, local]
+    return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, covariance=covariance)
+
+
+def force_stds(solution: Solution) -> dict[str, float]:
+    """Place -> std of its residual force in a solution, away from rest."""
+    t = solution.transcription
+    std = t.force_std_at(solution.values).min(axis=1, initial=np.inf)
+    return dict(zip((t.dae.places[k].name for k in t.soft), std.tolist(), strict=True))
