@@ -52,6 +52,7 @@ wheel: $(VENV)/.installed $(BARE)/.installed
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/bench.py
 	$(BIN)/python tests/benchmarks/compile.py
+	$(BIN)/python tests/benchmarks/columns.py
 	$(BIN)/python tests/benchmarks/tracking.py
 	$(BIN)/python tests/benchmarks/weighing.py
 

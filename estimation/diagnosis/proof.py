@@ -30,6 +30,7 @@ from backsight.ocp.linear import linearise
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
+from ..smoothing.begun import Begun
 from ..smoothing.prediction import noise, of_one_more
 from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
@@ -65,10 +66,10 @@ def prove(
     """
     say = progress or (lambda _: None)
     given = [r for r in before[0].recordings if r.role == "held_out"] if recordings is None else list(recordings)
-    sides = []
+    sides = list[_Side]()
     for word, (problem, result) in (("base", before), ("repaired", after)):
         say(f"smoothing what was held out with the {word} model")
-        sides.append(_Side.of(problem, result, given))
+        sides.append(_Side.of(problem, result, given, sides[0].solution if sides else None))
     spans = horizons(sides[1], given)
     pieces = [piece for r in given for piece in r.pieces]
     windows = [_windows(piece, spans, sides[0].known(n) & sides[1].known(n)) for n, piece in enumerate(pieces)]
@@ -88,8 +89,11 @@ class _Side:
     errors: Sequence[Array] = ()
 
     @classmethod
-    def of(cls, problem: Problem, result: Smoothing, recordings: Sequence[Recording]) -> _Side:
-        """With the parameters, W and V of a fit; what every recording has of its own is one more of the values that were found."""
+    def of(cls, problem: Problem, result: Smoothing, recordings: Sequence[Recording], begin: Solution | None) -> _Side:
+        """With the parameters, W and V of a fit; what every recording has of its own is one more of the values that were found.
+
+        begin: of the same recordings with the other model.
+        """
         seen = []
         for r in recordings:
             stds = {name: noise(problem, result, r, name) for name in r.outputs}
@@ -104,7 +108,9 @@ class _Side:
             initial={name: k for name, k in problem.start.items() if k.always},
             bounds=problem.bounds,
         )
-        smoothed = smooth(fixed, settings=ROUGHLY)
+        smoothed = smooth(fixed, settings=ROUGHLY, begin=None if begin is None else Begun.of(begin, fixed))
+        if begin is not None and not smoothed.solver.converged:
+            smoothed = smooth(fixed, settings=ROUGHLY)
         if smoothed.solution is None or not smoothed.solver.converged:
             raise SolveError(f"what was held out could not be smoothed: {smoothed.solver.status.rstrip('.')}")
         return cls(fixed, smoothed, smoothed.solution)

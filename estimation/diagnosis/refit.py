@@ -1,7 +1,7 @@
 """A candidate as a full problem: the edited model with its parameters free beside those of the base model, smoothed anew.
 
-Weights that the base problem leaves open are chosen again, so what the candidate explains leaves the residual forces. A candidate without
-states of its own starts where the base model arrived; one with states from the samples, as any smoothing does.
+Weights that the base problem leaves open are chosen again, so what the candidate explains leaves the residual forces. It starts where the
+base model arrived (`smoothing/begun.py`).
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def fitted(
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        there, weighed = _begun(begin, now), now
+        there, weighed = Begun.of(begin, now), now
         if not settings.weigh:
             weighed, there = _loosely(with_weights_of(begin, now), there, candidate.place, settings)
         result = smooth(weighed, settings=settings, begin=there)
@@ -159,7 +159,7 @@ def _shared(blob: bytes) -> Any:
     return pickle.loads(blob)
 
 
-def _loosely(problem: Problem, begin: Solution | Begun | None, place: str, settings: Settings) -> tuple[Problem, Solution | Begun | None]:
+def _loosely(problem: Problem, begin: Begun | None, place: str, settings: Settings) -> tuple[Problem, Begun | None]:
     """Guesses and a start nearer to the end, where the candidate is at a body of which no output tells: that is led there by and by."""
     std = problem.weights.W.get(place)
     if begin is None or std is None or place not in hidden(problem):
@@ -169,7 +169,7 @@ def _loosely(problem: Problem, begin: Solution | Begun | None, place: str, setti
         result = smooth(looser, settings=settings, begin=begin)
         if result.solution is None or not np.all(np.isfinite(result.solution.solved.decisions)):
             break
-        problem, begin = settled(problem, result), result.solution
+        problem, begin = settled(problem, result), Begun.at(result.solution)
     return problem, begin
 
 
@@ -194,12 +194,3 @@ def settled(problem: Problem, result: Smoothing) -> Problem:
         for name, free in problem.parameters.items()
     }
     return replace(problem, parameters=known)
-
-
-def _begun(solution: Solution, problem: Problem) -> Solution | Begun | None:
-    """The base model's solution for the problem of another model; None where it has none."""
-    if not solution.solved.status.converged:
-        return None
-    old, new = solution.transcription.dae, problem.posed.dae
-    same = [q.name for q in (*old.states, *old.algebraics)] == [q.name for q in (*new.states, *new.algebraics)]
-    return solution if same else Begun.carried(solution, problem)

@@ -24,6 +24,7 @@ import scipy.sparse as sp
 
 from backsight.models import Dae
 from backsight.ocp import Horizon, ParameterPrior, Solution, Transcription, transcribe
+from backsight.ocp.columnwise import Columnwise, columnwise
 from backsight.ocp.nlp import Values
 from backsight.ocp.terms import Term
 
@@ -185,11 +186,9 @@ class Enlarged:
 
     def _slopes_at(self, number: int, values: Values) -> Iterator[Array]:
         """Derivatives in the strengths at every place of a term, each (m, n, C)."""
-        term, slope = self._program.nlp.terms[number], self._slopes[number]
-        mapped, m = slope.map(term.columns), slope.size1_out(0)
         for v, d in self._places(number, values):
-            J = np.asarray(mapped(v, values.parameters, values.parameters, d))
-            yield J.reshape(m, term.columns, len(self._strengths)).transpose(0, 2, 1)
+            (J,) = self._slopes[number](v, values.parameters, values.parameters, d)
+            yield J.reshape(len(self._strengths), -1, J.shape[1]).transpose(1, 0, 2)
 
     def _position_at(self, number: int, values: Values, position: Any) -> Array:
         """A position at the places of a term, (S, C)."""
@@ -238,13 +237,13 @@ class Enlarged:
         return found
 
     @cached_property
-    def _slopes(self) -> list[Any]:
-        """Derivatives of the terms' functions in the strengths, (v, p, p_ref, d) -> (m, n)."""
+    def _slopes(self) -> list[Columnwise]:
+        """Derivatives of the terms' functions in the strengths, (v, p, p_ref, d) -> (m n)."""
         found = []
         for term in self._program.nlp.terms:
             v, p, p_ref, d = (ca.SX.sym(name, *term.function.size_in(i)) for i, name in enumerate(("v", "p", "p_ref", "d")))
             slope = ca.jacobian(term.function(v, p, p_ref, d), p)[:, self._strengths]
-            found.append(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(slope))]))
+            found.append(columnwise(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(ca.vec(slope)))]), shared=(1, 2)))
         return found
 
     def _values(self, parameters: Array) -> tuple[Values, Array]:

@@ -34,7 +34,7 @@ from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
 from .along import forces
-from .program import Program, Settings, make_program, renewed
+from .program import Settings, make_program, renewed
 from .rest import FrictionLaw, left_alone, rounded
 from .telling import telling_places
 from .unseen import complete, sought, unseen_states
@@ -169,7 +169,7 @@ def _descent(
             settings = Settings(options=OPTIONS, method="spline")
             program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)
             room = program.at_rest
-            held = _held(program).solve(program.start, program.values, False, _silent)
+            held = program.held.solve(program.start, program.values, False, _silent)
             if np.isfinite(held.solved.cost):
                 followed, best = _followed(held, followed), held.solved.cost
             way = reached(held.solved.cost)
@@ -222,11 +222,3 @@ def _near(problem: Problem) -> Problem:
         if isinstance(free, Free) and free.std is None:
             given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal))
     return replace(problem, model=problem.dae, parameters=given)
-
-
-def _held(program: Program) -> Program:
-    """The program with its parameters held where they start."""
-    n = program.transcription.nlp.trajectory_size
-    lower, upper = program.lower.copy(), program.upper.copy()
-    lower[n:] = upper[n:] = program.start[n:]
-    return replace(program, lower=lower, upper=upper)

@@ -1,14 +1,17 @@
 """Where a smoothing goes on from: the solution of the same problem, or of one whose model has other parts.
 
-What both models have by the same name goes on as it was; a state or an algebraic variable that only the new one has begins at its start
-value, and the first step of a solve leads it to where it belongs.
+What both models have by the same name goes on as it was, and so does what the new one has at the same flange; a state or an algebraic
+variable of which the old model knows nothing begins at its start value, and the first step of a solve leads it to where it belongs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from backsight.models import Dae
@@ -24,15 +27,25 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 @dataclass(frozen=True, kw_only=True)
 class Begun:
-    """Trajectories of a problem, and place -> std of its residual force, away from rest."""
+    """Trajectories of a problem, and place -> std of its residual force, away from rest. strange: they come from another model."""
 
     followed: Followed
     force_std: dict[str, float]
+    strange: bool = False
 
     @classmethod
     def at(cls, solution: Solution) -> Begun:
         """A solution of the same problem."""
         return cls(followed=followed_by(solution), force_std=force_stds(solution))
+
+    @classmethod
+    def of(cls, solution: Solution, problem: Problem) -> Begun | None:
+        """A solution for a problem with the same recordings; None where it is none, or the problem has other inputs or outputs."""
+        if not solution.solved.status.converged:
+            return None
+        old, new = solution.transcription.dae, problem.posed.dae
+        same = [q.name for q in (*old.states, *old.algebraics)] == [q.name for q in (*new.states, *new.algebraics)]
+        return cls.at(solution) if same else cls.carried(solution, problem)
 
     @classmethod
     def carried(cls, solution: Solution, problem: Problem) -> Begun | None:
@@ -42,7 +55,8 @@ class Begun:
         if [q.name for q in (*old.inputs, *old.outputs)] != [q.name for q in (*dae.inputs, *dae.outputs)]:
             return None
         followed = followed_by(solution)
-        sources = [_source(old, q.name, q.start) for q in (*dae.states, *dae.algebraics)]
+        unknown = [*zip(ca.vertsplit(dae.x), dae.states, strict=True), *zip(ca.vertsplit(dae.z), dae.algebraics, strict=True)]
+        sources = [_source(old, [q.name, *_same(dae, symbol)], q.start) for symbol, q in unknown]
         horizons = tuple(
             replace(h, initial=_named(old, dae, h.initial, 0.0), initial_std=_named(old, dae, h.initial_std, np.inf)) for h in t.horizons
         )
@@ -55,21 +69,38 @@ class Begun:
         nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
         program = transcribe(dae, horizons, free=(), prior=nothing, force_std={}, method=t.method, degree=t.degree)
         going = Followed(transcription=program, horizons=horizons, decisions=passing_through(program, curve))
-        return cls(followed=going, force_std=force_stds(solution))
+        return cls(followed=going, force_std=force_stds(solution), strange=True)
 
 
 Source = Callable[[Followed, int, Array, Array], Array]
 
 
-def _source(old: Dae, name: str, start: float) -> Source:
-    """What a variable of the new model is in the old one: a function of (followed, number, times, parameters) -> (M,)."""
-    names = [q.name for q in old.states]
-    if name in names:
-        row = names.index(name)
-        return lambda followed, number, times, _: followed.at(number, times)[1][row]
-    if name in old.variables:
-        return lambda followed, number, times, p: along(old, old.variables[name], followed, number, times, p).ravel()
-    return lambda _, __, times, ___: np.full(len(times), start)
+def _same(dae: Dae, symbol: Any) -> list[str]:
+    """Names of a model's variables that are one of its unknowns and no other: of flanges, say, where a body's position is the unknown."""
+    return [name for name, expression in dae.variables.items() if ca.is_equal(expression, symbol)]
+
+
+def _source(old: Dae, names: Sequence[str], start: float) -> Source:
+    """What is a variable in the old model by any of its names: a function of (followed, number, times, parameters) -> (M,)."""
+    states = [q.name for q in old.states]
+    for name in names:
+        if name in states:
+            return partial(_state, states.index(name))
+        if name in old.variables:
+            return partial(_variable, old, old.variables[name])
+    return partial(_constant, start)
+
+
+def _state(row: int, followed: Followed, number: int, times: Array, _: Array) -> Array:
+    return np.asarray(followed.at(number, times)[1][row])
+
+
+def _variable(old: Dae, expression: Any, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
+    return np.asarray(along(old, expression, followed, number, times, parameters)).ravel()
+
+
+def _constant(value: float, _: Followed, __: int, times: Array, ___: Array) -> Array:
+    return np.full(len(times), value)
 
 
 def _named(old: Dae, dae: Dae, values: Array, otherwise: float) -> Array:

@@ -80,6 +80,14 @@ class Program:
             number=number,
         )
 
+    @property
+    def held(self) -> Program:
+        """The program with its parameters held where they start."""
+        n = self.transcription.nlp.trajectory_size
+        lower, upper = self.lower.copy(), self.upper.copy()
+        lower[n:] = upper[n:] = self.start[n:]
+        return replace(self, lower=lower, upper=upper)
+
     def _squares(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
         values = scaled(self.solver, decisions, values)
         solved = self.solver.solve(decisions, values, lower=self.lower, upper=self.upper, newton=newton, progress=say)

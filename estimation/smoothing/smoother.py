@@ -148,6 +148,10 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     if meshed.rigid and set(given) == set(force_std):
         force_std = {}
     program = work.program(meshed.horizons, followed, force_std, start)
+    if begin is not None and begin.strange:
+        # a stiffness whose spring is not stretched yet tells nothing: trajectories first
+        led = program.held.solve(program.start, program.values, False, say).solved.decisions
+        program = replace(program, start=led) if np.all(np.isfinite(led)) else program
     build = time.perf_counter() - began
 
     choice, remeshed = work.chosen(program, meshed.least_std, stds), False
