@@ -162,8 +162,11 @@ class Columnwise:
 class Mapped(ca.Callback):
     """A `Columnwise` without shared arguments as a node of other CasADi functions, with arguments (n, C) and results (m, C).
 
-    It has no derivatives. CasADi keeps no reference to it: whoever calls what it is a node of has to.
+    It has no derivatives. CasADi keeps no reference to it: whoever calls what it is a node of has to. It also turns an interrupt into an
+    evaluation that failed: so all fail from then on, and `interrupted` tells why.
     """
+
+    interrupted = False
 
     def __init__(self, function: Any, count: int) -> None:
         ca.Callback.__init__(self)
@@ -192,12 +195,15 @@ class Mapped(ca.Callback):
 
     def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
         """Called by CasADi."""
-        given = [
-            np.frombuffer(a, dtype=np.float64).reshape(self._count, -1).T if len(a) else np.empty((0, self._count))
-            for i, a in enumerate(arg)
-        ]
-        for found, out in zip(self._wide(*given), res, strict=True):
-            np.frombuffer(out, dtype=np.float64).reshape(self._count, -1).T[:] = found
+        if Mapped.interrupted:
+            return 1
+        given = [np.frombuffer(a, dtype=np.float64).reshape(self._count, -1).T if len(a) else np.empty((0, self._count)) for a in arg]
+        try:
+            for found, out in zip(self._wide(*given), res, strict=True):
+                np.frombuffer(out, dtype=np.float64).reshape(self._count, -1).T[:] = found
+        except KeyboardInterrupt:
+            Mapped.interrupted = True
+            return 1
         return 0
 
 

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
+from .columnwise import Mapped
 from .feasible import start_on_constraints
 from .gauss_newton import descend
 from .nlp import Nlp, Values
@@ -202,8 +203,9 @@ class Solver:
             lam_g0=multipliers,
         )
         stats, X = solver.stats(), np.asarray(answer["x"], dtype=np.float64).ravel()
-        status = _STATUS.get(stats["return_status"], Status.NUMERICS)
-        failed = status is Status.NUMERICS  # Ipopt's own cost is 0 where the start is no number
+        status = Status.INTERRUPTED if Mapped.interrupted else _STATUS.get(stats["return_status"], Status.NUMERICS)
+        Mapped.interrupted = False
+        failed = status in (Status.NUMERICS, Status.INTERRUPTED)  # Ipopt's own cost is 0 where the start is no number
         return Solved(
             decisions=here.decisions(X),
             cost=self.nlp.assembled.evaluated.cost(X, here) if failed else float(answer["f"]),
@@ -244,7 +246,13 @@ class Solver:
 
     def exact_hessian(self, solved: Solved, values: Values) -> sp.csc_matrix:
         """Upper triangle of the Hessian of the Lagrangian at what a solve gave, in the program's units."""
-        answer = self.nlp.assembled.hess(values.scaled(solved.decisions), values.packed(), 1.0, solved.multipliers)
+        try:
+            answer = self.nlp.assembled.hess(values.scaled(solved.decisions), values.packed(), 1.0, solved.multipliers)
+        except RuntimeError:
+            if Mapped.interrupted:
+                Mapped.interrupted = False
+                raise KeyboardInterrupt from None
+            raise
         return sp.csc_matrix(answer.sparse())
 
     def weights(self, decisions: Array, values: Values) -> Array:

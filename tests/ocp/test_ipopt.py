@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from examples import compiled, number, random_horizon, stiffening
 
 from backsight.ocp import Options, ParameterPrior, Solved, Solver, Status, transcribe
+from backsight.ocp.columnwise import FEWEST, Columnwise
 from backsight.ocp.ipopt import FixedPoint
 
 DAE = compiled(stiffening())
@@ -107,3 +110,30 @@ def test_a_solve_that_may_take_no_time_stops_at_a_limit_and_its_numbers_are_fini
     _, solved = solve(Options(seconds=1e-9))
     assert solved.status is Status.ITERATIONS
     assert np.all(np.isfinite(solved.decisions))
+
+
+def test_an_interrupt_inside_a_function_that_ipopt_calls_ends_the_solve_and_the_next_one_begins_anew(monkeypatch):
+    h = random_horizon(DAE, 0, intervals=FEWEST)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
+    t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
+    solver, x = Solver(t.nlp, Options()), np.full(t.nlp.size, 0.1)
+    x[-1] = 1.0
+    wide = np.full(t.nlp.size, np.inf)
+    calls, own = iter(range(1000)), Columnwise.__call__
+
+    def interrupted(self, *arguments):
+        if sys._getframe(1).f_code.co_name == "eval_buffer" and next(calls) == 2:
+            raise KeyboardInterrupt
+        return own(self, *arguments)
+
+    monkeypatch.setattr(Columnwise, "__call__", interrupted)
+    solved = solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide)
+    assert solved.status is Status.INTERRUPTED
+    assert next(calls) < 10
+    again = solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide)
+    assert again.status is not Status.INTERRUPTED
+    assert again.iterations > 3
+    calls = iter([2])
+    with pytest.raises(KeyboardInterrupt):
+        solver.exact_hessian(solved, t.nlp.values(PARAMETERS))
+    assert solver.exact_hessian(solved, t.nlp.values(PARAMETERS)).nnz
