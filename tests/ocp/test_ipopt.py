@@ -133,7 +133,7 @@ def test_an_interrupt_inside_a_function_that_ipopt_calls_ends_the_solve_and_the_
     again = solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide)
     assert again.status is not Status.INTERRUPTED
     assert again.iterations > 3
-    calls = iter([2])
+    calls = iter([2, *[0] * 1000])
     with pytest.raises(KeyboardInterrupt):
         solver.exact_hessian(solved, t.nlp.values(PARAMETERS))
     assert solver.exact_hessian(solved, t.nlp.values(PARAMETERS)).nnz
