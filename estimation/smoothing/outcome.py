@@ -148,7 +148,7 @@ def _correlation(problem: Problem, solution: Solution, parameters: Mapping[str, 
     rows = [names.index(name) for name in told]
     covariance = solution.curvature.parameter_covariance[np.ix_(rows, rows)]
     std = np.sqrt(np.diag(covariance))
-    return pd.DataFrame(covariance / np.outer(std, std), told, told)
+    return pd.DataFrame((covariance + covariance.T) / (2 * np.outer(std, std)), told, told)  # rounding leaves no two halves the same
 
 
 def _identified(value: float, std: float | None, info: ParameterInfo) -> bool:
