@@ -7,8 +7,11 @@ is shared by all of them. What hangs on nothing but shared arguments (parameters
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
+from itertools import starmap
+from operator import call
 from threading import Lock
 from typing import Any
 
@@ -82,7 +85,7 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
 
 # what it does, with which registers (of a constant its number, of an argument its place), and into which register or place of a result
 Operation = tuple[int, list[Any], int | list[int]]
-Step = tuple[Callable[..., Any], tuple[Array, ...]]
+Step = tuple[Any, ...]  # a function and its arguments
 
 
 def columnwise(function: Any, shared: Sequence[int] = ()) -> Columnwise:
@@ -220,7 +223,7 @@ class _Bound:
         for kind, read, written in operations:
             if isinstance(written, list):
                 result, row = written
-                self._every.append((np.copyto, (self._results[result][row], now[read[0]])))
+                self._every.append((np.copyto, self._results[result][row], now[read[0]]))
             elif kind == ca.OP_CONST:
                 now[written] = np.full(1, read[0])
             elif kind == ca.OP_INPUT:
@@ -229,25 +232,28 @@ class _Bound:
                 operands = tuple(now[i] for i in read[: _arity(kind)])
                 once = all(a.size == 1 for a in operands)
                 out = np.zeros(1) if once else work[written]
-                (self._once if once else self._every).append((OPERATIONS[kind], (*operands, out)))
+                (self._once if once else self._every).append((OPERATIONS[kind], *operands, out))
                 now[written] = out
 
     def share(self, given: list[Array]) -> None:
         """The arguments that all columns have, and what hangs on nothing else."""
         for i in self._shared:
             self._own[i][:, 0] = given[i]
-        for operation, arguments in self._once:
-            operation(*arguments)
+        _carried_out(self._once)
 
     def run(self, given: list[Array], out: list[Array], first: int, stop: int) -> None:
         """Results of some columns; the rest of a strip keeps what was there."""
         for i, own in enumerate(self._own):
             if i not in self._shared:
                 own[:, : stop - first] = given[i][:, first:stop]
-        for operation, arguments in self._every:
-            operation(*arguments)
+        _carried_out(self._every)
         for found, part in zip(out, self._results, strict=True):
             found[:, first:stop] = part[:, : stop - first]
+
+
+def _carried_out(steps: list[Step]) -> None:
+    """One after the other, without a line of Python in between."""
+    deque(starmap(call, steps), maxlen=0)
 
 
 def _arity(kind: int) -> int:
