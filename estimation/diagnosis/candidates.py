@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backsight.models import Model
-from backsight.models.language import Component
+from backsight.models.language import Component, Parameter
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -31,6 +31,11 @@ class Insert:
         """name = Component() at place."""
         return f"{self.name} = {type(self.component).__name__}() at {self.place}"
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Parameter -> its unit."""
+        return _units(self.name, self.component)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Exchange:
@@ -46,6 +51,11 @@ class Exchange:
     def words(self) -> str:
         """name = Component() instead of the old one."""
         return f"{self.name} = {type(self.component).__name__}()"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Parameter -> its unit."""
+        return _units(self.name, self.component)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,21 +73,70 @@ class Rebuild:
         """What it does."""
         return self.said
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Of nothing that it tells."""
+        return {}
 
-Edit = Insert | Exchange | Rebuild
+
+@dataclass(frozen=True, kw_only=True)
+class Alike:
+    """Several parts of one kind, edited alike, with one parameter of the model for all of them.
+
+    parameter: its name, and its value there. word: what it is in each of the parts. joined: pairs of signals to connect.
+    """
+
+    parts: tuple[Insert | Exchange, ...]
+    parameter: str
+    word: str
+    value: float
+    joined: tuple[tuple[str, str], ...] = ()
+
+    def __call__(self, model: Model) -> Model:
+        for part in self.parts:
+            model = part(model)
+        bound = {f"{part.name}.{self.word}": self.parameter for part in self.parts}
+        return replace(
+            model,
+            parameters={**model.parameters, self.parameter: replace(self._declared(), default=self.value)},
+            bindings={**model.bindings, **bound},
+            connections=(*model.connections, *self.joined),
+        )
+
+    @property
+    def words(self) -> str:
+        """All of them."""
+        return "; ".join(part.words for part in self.parts)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The one parameter's."""
+        return {self.parameter: self._declared().unit}
+
+    def _declared(self) -> Parameter:
+        return self.parts[0].component.declared_parameters[self.word]
+
+
+def _units(name: str, component: Component) -> dict[str, str]:
+    return {f"{name}.{word}": p.unit for word, p in component.declared_parameters.items()}
+
+
+Edit = Insert | Exchange | Rebuild | Alike
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """How an input or an output would read if it were otherwise: of = "input:F" or "sensor:x".
+    """How inputs or an output would read, or what force would act, if it were otherwise.
 
-    changed(time, values) (n,): what is there beside the recorded input or the modelled output, as it would be at unit strength.
-    start: parameter of the edit -> where its fit starts.
+    of: ("input:F",), ("sensor:x",), or ("force:carriage",); changed(time, values) (n,): what is there instead of the recorded input or the
+    modelled output at unit strength; of a force what acts more, by the variable `seen` of the model at the rows. start: parameter of the
+    edit -> where its fit starts.
     """
 
-    of: str
+    of: tuple[str, ...]
     changed: Callable[[Array, Array], Array]
     start: Mapping[str, float] = field(default_factory=dict)
+    seen: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +147,9 @@ class Candidate:
     effect is linear; one_sided: physics does not let them be negative. shapes: parameter -> values at which the effect is looked at, all of
     one length. quadrature: a phase; the effect is looked at with it zero and pi/2. start: further parameters that are free in a fit
     -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing.
+    without: strength -> its value there, where no component that comes in tells it.
     named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
-    kept: further parameters and their values. ratio: parameter that stands for the two strengths of a quadrature over what the strength
+    ratio: parameter that stands for the two strengths of a quadrature over what the strength
     absorbs. wave: (strength, position): the effect is that strength's times a sine of 2 pi position over the one shape; no component is
     needed to look at it. dear: no score tells of it, it has to be fitted.
     """
@@ -104,9 +164,9 @@ class Candidate:
     quadrature: str | None = None
     start: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     absorbs: Mapping[str, str] = field(default_factory=dict)
+    without: Mapping[str, float] = field(default_factory=dict)
     named: Mapping[str, str] = field(default_factory=dict)
     signals: tuple[Signal, ...] = ()
-    kept: Mapping[str, float] = field(default_factory=dict)
     ratio: str | None = None
     wave: tuple[str, str] | None = None
     dear: bool = False
@@ -123,6 +183,8 @@ class Candidate:
 
     def neutral(self, name: str) -> float:
         """The value of a parameter at which there is no effect."""
+        if name in self.without:
+            return self.without[name]
         if self.signals:
             return 0.0
         if not self.edits:
@@ -150,8 +212,7 @@ class Candidate:
     @property
     def units(self) -> dict[str, str]:
         """Parameter of a component that it brings -> its unit."""
-        parts = [e for e in self.edits if not isinstance(e, Rebuild)]
-        return {f"{e.name}.{word}": p.unit for e in parts for word, p in e.component.declared_parameters.items()}
+        return {path: unit for e in self.edits for path, unit in e.units.items()}
 
     @property
     def sent(self) -> Candidate:

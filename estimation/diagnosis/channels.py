@@ -15,9 +15,9 @@ from scipy.signal import lfilter
 from backsight.models import Model
 from backsight.models.language import Component
 from backsight.models.model import Output
-from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, Saturation, Sum
+from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, PeriodicError, Saturation, Sum
 
-from .candidates import Candidate, Insert, Rebuild, Signal
+from .candidates import Alike, Candidate, Insert, Rebuild, Signal
 from .places import free_name
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -88,7 +88,7 @@ class _Channel:
     def shaped(self, fault: str, block: Component, parameter: str, start: tuple[float, float, float], grid: Changes) -> Candidate:
         """A block that is not: value of its parameter -> what would be read with it."""
         path, candidate = self._block(fault, block, parameter)
-        signals = tuple(Signal(of=self.place, changed=changed, start={path: value}) for value, changed in grid)
+        signals = tuple(Signal(of=(self.place,), changed=changed, start={path: value}) for value, changed in grid)
         return replace(candidate, start={path: start}, signals=signals)
 
     def _block(self, fault: str, block: Component, parameter: str) -> tuple[str, Candidate]:
@@ -97,6 +97,19 @@ class _Channel:
         path = f"{name}.{parameter}"
         edits = (Insert(place=self.place, component=block, name=name),)
         return path, Candidate(place=self.place, family=self.family, physics=f"{self.word}_{fault}", edits=edits, named={parameter: path})
+
+    def turned(self) -> Candidate:
+        """An angle read from a disk that is not centred."""
+        path, candidate = self._block("eccentricity", PeriodicError(), "amplitude")
+        phase = f"{path.rpartition('.')[0]}.phase"
+        return replace(
+            candidate,
+            physics="eccentricity",
+            strengths=(path,),
+            quadrature=phase,
+            start={phase: (0.0, -3 * np.pi, 3 * np.pi)},
+            named={"amplitude": path, "phase": phase},
+        )
 
     def slow(self, interval: float, duration: float, held: bool) -> list[Candidate]:
         """Lag and delay; held: whether values are held from row to row."""
@@ -126,8 +139,42 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
     ]
 
 
-def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, duration: float, scaled: bool = True) -> list[Candidate]:
-    """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading. scaled: a gain too."""
+def of_alike(model: Model, names: Sequence[str], interval: float, duration: float) -> list[Candidate]:
+    """What inputs of parts of one kind may do all together, as what they come from does: they lag, or are late."""
+    found = list[Candidate]()
+    times = tuple(float(t) for t in np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES))
+    places, sizes = tuple(f"input:{name}" for name in names), (interval, interval / 50, duration)
+    blocks: tuple[tuple[type[Component], str, str, Callable[..., Array]], ...] = (
+        (Lag, "lag", "tau", lagged),
+        (Delay, "delay", "delay", late),
+    )
+    for block, fault, word, changed in blocks:
+        own = [free_name(model, f"input_{fault}_{name}") for name in names]
+        path = f"{free_name(model, f'input_{fault}')}.{word}"
+        if path in model.parameters:
+            continue  # it is there already
+        parts = tuple(Insert(place=place, component=block(), name=name) for place, name in zip(places, own, strict=True))
+        found.append(
+            Candidate(
+                place=places[0],
+                family="actuator",
+                physics=f"input_{fault}",
+                edits=(Alike(parts=parts, parameter=path, word=word, value=interval),),
+                start={path: sizes},
+                named={word: path},
+                signals=tuple(Signal(of=places, changed=_by(changed, t, True), start={path: t}) for t in times),
+            )
+        )
+    return found
+
+
+def of_sensor(
+    model: Model, name: str, others: Sequence[str], interval: float, duration: float, *, scaled: bool = True, angle: bool = False
+) -> list[Candidate]:
+    """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading.
+
+    scaled: a gain too. angle: its reading is an angle [rad].
+    """
     of = f"sensor:{name}"
     channel = _Channel(model=model, place=of, family="sensor", word="sensor")
     found = [
@@ -135,6 +182,7 @@ def of_sensor(model: Model, name: str, others: Sequence[str], interval: float, d
         channel.linear("bias", Offset(), "bias"),
         channel.linear("drift", Drift(), "rate"),
         *channel.slow(interval, duration, held=False),
+        *([channel.turned()] if angle else []),
     ]
     for other in others:
         mixed = channel.name(f"misalignment_{other}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
+from math import inf
 
 from ..results import Smoothing
 from .candidates import Candidate
@@ -27,7 +28,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     """
     worth = list[Screened]()
     for s in found.found:
-        if found.chance(s.gain) > SURE or (s.candidate.family != "sensor" and not matters(s, sizes)):
+        if found.chance(s.gain) > SURE or beyond(s) or (s.candidate.family != "sensor" and not matters(s, sizes)):
             continue
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
@@ -63,6 +64,18 @@ def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:
     return any(
         o.candidate.place == c.place and o.candidate.size < c.size and s.gain - o.gain < RIVAL * (c.size - o.candidate.size) for o in others
     )
+
+
+def beyond(s: Screened) -> bool:
+    """Whether a strength would have to be where it cannot be: a sensor that reads six times what there is."""
+    c = s.candidate
+    if c.signals or c.quadrature:
+        return False
+    for name, a in zip(c.strengths, s.estimate.tolist(), strict=True):
+        _, low, high = c.start.get(name, (0.0, -inf, inf))
+        if not low <= c.neutral(name) + a <= high:
+            return True
+    return False
 
 
 def matters(s: Screened, sizes: Sizes) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from backsight.models import Model
 from backsight.models.mechanics import planar, spatial
 from backsight.models.mechanics.spatial.rotation import Vector, velocities
 
-from .candidates import Candidate, Exchange, Insert
+from .candidates import Alike, Candidate, Exchange, Insert
 from .places import free_name
 
 FORCES = ("f_x", "f_y", "f_z")
@@ -32,17 +33,15 @@ class QuadraticDrag(spatial.QuadraticDrag):
         return velocities(c.frame)[0]
 
 
-def of_frames(model: Model) -> list[Candidate]:
-    """All of them for a model."""
+def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
+    """All of them for a model. values: of its parameters."""
     found = list[Candidate]()
     for name, component in model.components.items():
         if isinstance(component, planar.World) and not component.parameters["tilt"]:
             found.append(_tilted(name))
         if isinstance(component, spatial.RigidBody):
             found += _rigid_body(model, name, component)
-        if type(component) is spatial.Propeller:
-            found += _propeller(model, name, component)
-    return found
+    return found + [c for group in _propellers(model) for c in _rotors(model, group, values)]
 
 
 def _tilted(world: str) -> Candidate:
@@ -100,17 +99,62 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
     ]
 
 
-def _propeller(model: Model, name: str, component: spatial.Propeller) -> list[Candidate]:
-    values = {w: component.parameters[w] for w in component.declared_parameters if f"{name}.{w}" not in model.bindings}
-    tau = component.parameters["tau"]
+def _propellers(model: Model) -> list[list[str]]:
+    """Propellers, those together whose time constant is one parameter."""
+    groups: dict[str, list[str]] = {}
+    for name, component in model.components.items():
+        if type(component) is spatial.Propeller:
+            groups.setdefault(model.bindings.get(f"{name}.tau", name), []).append(name)
+    return list(groups.values())
+
+
+def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list[Candidate]:
+    """What rotors of one kind may do: spin down more slowly than up, having no brake, and turn the body against themselves."""
+    first, spins = names[0], [model.components[name].parameters["spin"] for name in names]
+    time = model.bindings.get(f"{first}.tau", f"{first}.tau")
+    tau = values.get(time, model.components[first].parameters["tau"])
+    slower, inertia = f"{time}_down", f"{time.rpartition('.')[0]}.J"
+    exchanged = tuple(Exchange(name=name, component=_spun_down(model, name)) for name in names)
+    (body,) = (name for name, c in model.components.items() if isinstance(c, spatial.RigidBody))
+    parts = tuple(
+        Insert(place=body, component=spatial.PropellerInertia(spin=spin), name=free_name(model, f"inertia_{name}"))
+        for name, spin in zip(names, spins, strict=True)
+    )
+    lag = Candidate(
+        place=first,
+        family="actuator",
+        physics="asymmetric_lag",
+        edits=(Alike(parts=exchanged, parameter=slower, word="tau_down", value=tau),),
+        strengths=(slower,),
+        without={slower: tau},
+        start={slower: (tau, tau / 100, tau * 100)},
+        named={"tau_down": slower},
+    )
+    if inertia in model.parameters:
+        return [lag]  # it is there already
     return [
+        lag,
         Candidate(
-            place=name,
-            family="actuator",
-            physics="asymmetric_lag",
-            edits=(Exchange(name=name, component=spatial.AsymmetricPropeller(**values, tau_down=tau)),),
-            start={f"{name}.tau_down": (tau, tau / 100, tau * 100)},
-            named={"tau_down": f"{name}.tau_down"},
-            dear=True,
-        )
+            place=body,
+            family="inertia",
+            physics="rotor_inertia",
+            edits=(
+                Alike(
+                    parts=parts,
+                    parameter=inertia,
+                    word="J",
+                    value=0.0,
+                    joined=tuple((f"{name}.thrust", f"{part.name}.thrust") for name, part in zip(names, parts, strict=True)),
+                ),
+            ),
+            strengths=(inertia,),
+            one_sided=True,
+            named={"J": inertia},
+        ),
     ]
+
+
+def _spun_down(model: Model, name: str) -> spatial.AsymmetricPropeller:
+    """The propeller with the values that are its own."""
+    values = model.components[name].parameters
+    return spatial.AsymmetricPropeller(**{word: value for word, value in values.items() if f"{name}.{word}" not in model.bindings})

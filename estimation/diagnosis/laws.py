@@ -24,6 +24,8 @@ from .places import Spot, at_hand, free_name
 FINEST = 60.0  # periods in the span of the positions, at most
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
 SHAPES = 7
+STOPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)  # of the way: where a stop begins
+SOFT = 1e-14  # N/m or N.m/rad: a stop that is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,11 @@ def _periods(motion: Motion) -> tuple[float, ...]:
         return ()
     waves = np.arange(1.0, FINEST, 0.5)
     return tuple(float(p) for p in motion.span / waves)
+
+
+def _stops(motion: Motion, end: float, other: float) -> tuple[float, ...]:
+    """Places where a stop may begin, from one end of the way towards the other."""
+    return tuple(float(end + share * (other - end)) for share in STOPS) if motion.span > 0 else ()
 
 
 def _component(slide: str, turn: str, **values: float) -> Callable[[str], Component]:
@@ -150,6 +157,21 @@ AGAINST_GROUND: tuple[Law, ...] = (
         strengths=("k3",),
         one_sided=False,
     ),
+    Law(
+        family="potential",
+        physics="end_stop",
+        make=_component("EndStop", "RotationalEndStop", k=SOFT),
+        strengths=("k",),
+        shapes=lambda m: {"x": _stops(m, m.high, m.low)},
+    ),
+    Law(
+        family="potential",
+        physics="end_stop",
+        make=_component("LowerEndStop", "RotationalLowerEndStop", k=SOFT),
+        strengths=("k",),
+        shapes=lambda m: {"x": _stops(m, m.low, m.high)},
+        label="lower_end_stop",
+    ),
     Law(family="fluid", physics="quadratic_drag", make=_component("Drag", "RotationalDrag"), strengths=("c",)),
     Law(family="external", physics="constant_force", make=_component("ConstantForce", "ConstantTorque"), strengths=("f",), one_sided=False),
     Law(family="inertia", physics="added_mass", make=_component("AddedMass", "AddedInertia"), strengths=("m",)),
@@ -189,7 +211,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
         place=spot.name,
         family=law.family,
         physics=law.physics,
-        edits=(Insert(place=_at(spot), component=component, name=name),),
+        edits=(Insert(place=flange_of(spot), component=component, name=name),),
         strengths=strengths,
         one_sided=law.one_sided,
         shapes=shapes,
@@ -220,5 +242,6 @@ def _rounded(component: Component, motion: Motion) -> Component:
     return component.with_values(width=max(ROUNDING * motion.v_rms, declared.min))
 
 
-def _at(spot: Spot) -> str:
+def flange_of(spot: Spot) -> str:
+    """Where a component is inserted there."""
     return spot.name if len(spot.flanges) == 2 else f"{spot.name}.{spot.flanges[0]}"

@@ -15,11 +15,12 @@ from ..problem import Free, Problem
 from ..smoothing.along import along
 from ..smoothing.begun import followed_by
 from .candidates import Candidate, Exchange
-from .channels import of_input, of_sensor
+from .channels import of_alike, of_input, of_sensor
 from .couplings import of_coupling, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, Motion, of_law
 from .places import Spot, bodies, elements
+from .presliding import of_presliding
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -40,25 +41,28 @@ def library(problem: Problem, model: Model, solution: Solution) -> list[Candidat
             continue
         motion = motions.of(spot)
         if motion is not None:
-            found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
+            found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND] + of_presliding(model, spot, motion, values)
     for spot in elements(model):
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN]
             found += of_coupling(model, spot, motion, _masses(values)) + of_soft(model, spot, motion, _masses(values), values)
-    found += _kinematic(model) + of_frames(model)
+    found += _kinematic(model) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
     duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
     for name in model.inputs:
         k = [q.name for q in dae.inputs].index(name)
         found += of_input(model, name, [h.inputs[:, k] for h in t.horizons], interval, duration)
+    for group in _alike(model):
+        found += of_alike(model, group, interval, duration)
     heard = {q.name: _heard(t.horizons, i) for i, q in enumerate(dae.outputs)}
+    units = {q.name: q.unit for q in dae.outputs}
     read = [name for name, times in heard.items() if np.isfinite(times)]
     for name in read:
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
-        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD)
+        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, angle=units[name] == "rad")
     return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters)
 
 
@@ -67,6 +71,15 @@ def _heard(horizons: Sequence[Horizon], output: int) -> float:
     relative = np.concatenate([h.target[:, output] / h.target_std[:, output] for h in horizons])
     sampled = relative[np.isfinite(relative)]
     return float(np.mean(sampled**2)) if len(sampled) else np.nan
+
+
+def _alike(model: Model) -> list[list[str]]:
+    """Inputs that drive the same of parts of one kind."""
+    groups: dict[tuple[type, str], list[str]] = {}
+    for name, path in model.inputs.items():
+        owner, _, word = path.partition(".")
+        groups.setdefault((type(model.components[owner]), word), []).append(name)
+    return [names for names in groups.values() if len(names) > 1]
 
 
 def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candidate:

@@ -90,10 +90,7 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
     for name in list(parameters):
         if name not in info:
             del parameters[name]
-    parameters |= candidate.kept
     for name in (*candidate.strengths, *candidate.start):
-        if name in candidate.kept:
-            continue
         guess, low, high = candidate.start.get(name, (info[name].value, info[name].minimum, info[name].maximum))
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
         value = start.get(name, guess)
@@ -122,7 +119,7 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
             start[name] = size
         return start
     for name, value in zip(candidate.strengths, a, strict=True):
-        start[name] = values.get(name, 0.0) + float(value)
+        start[name] = values.get(name, candidate.neutral(name)) + float(value)
     for base, names in candidate.absorbs.items():
         for name in names.split():
             if name in start:

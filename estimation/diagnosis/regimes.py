@@ -17,7 +17,7 @@ from .supermodel import Look
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 ONSETS = 40  # times that are tried
-PLAINLY = 10.0  # nats by which an effect that starts late has to beat one that does not
+PLAINLY, PART = 10.0, 0.02  # nats, and share of the gain, by which an effect that starts late has to beat one that does not
 EDGE = 0.04  # of the recording: what starts before that starts with it
 
 
@@ -43,7 +43,7 @@ def regime(base: Linearised, look: Look) -> Regime:
     n = len(look.columns)
     gains = [gain(scores, range(k * n, (k + 1) * n)) for k in range(len(times) + 1)]
     best = int(np.argmax(gains[1:]))
-    if gains[1 + best] - gains[0] > PLAINLY and times[best] - horizon.time[0] > EDGE * span:
+    if gains[1 + best] - gains[0] > max(PLAINLY, PART * gains[0]) and times[best] - horizon.time[0] > EDGE * span:
         at = float(times[best])
         return Regime(words=f"from {at:.4g} s on", onset=at)
     return Regime(words="whole record", onset=None)

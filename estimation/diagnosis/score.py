@@ -80,6 +80,19 @@ class Linearised:
         return Scores(b=G[:-1, -1], G=G[:-1, :-1], plain=plain)
 
     @cached_property
+    def residual_forces(self) -> Columns:
+        """The residual forces themselves, a column for every place: what a scale of all of them would do."""
+        t = self.solution.transcription
+        n, squares, multiplied = len(t.soft), list[Array](), list[Array]([np.empty((0, len(t.soft)))])
+        for term, row in zip(t.nlp.terms, self.solution.rows, strict=True):
+            part = np.zeros((*row.T.shape, n))
+            if term.name == t.force_term:
+                for k in range(n):
+                    part[:, k::n, k] = row.T[:, k::n]
+            (multiplied if term.equality or term.heavy else squares).append(part.reshape(-1, n))
+        return Columns(squares=np.concatenate(squares), multiplied=np.concatenate(multiplied) / self.sizes[:, None])
+
+    @cached_property
     def sizes(self) -> Array:
         """By which the rows that have multipliers are divided, (M,)."""
         _, _, d = self.solution.solver.kkt(self.solution.solved.decisions, self.solution.values)
@@ -112,11 +125,15 @@ class Enlarged:
     """A model that holds that of a solution and more: the same equations where its strengths have the values `parameters` (np_all,).
 
     strengths: indices of these among its parameters. horizons: of the solution, with further inputs where the model has them.
+    What a strength does to a force that a sensor reads is left out of its reading but where the reading itself has the strength: it is the
+    difference of that force from its mean over a sampling interval. exact: it is not left out, which is dear where strengths are many.
     Raises ValueError where the rows at the solution are not the same.
     """
 
-    def __init__(self, base: Linearised, dae: Dae, strengths: list[int], horizons: tuple[Horizon, ...], parameters: Array) -> None:
-        self._base, self._dae, self._strengths = base, dae, strengths
+    def __init__(
+        self, base: Linearised, dae: Dae, strengths: list[int], horizons: tuple[Horizon, ...], parameters: Array, *, exact: bool = False
+    ) -> None:
+        self._base, self._dae, self._strengths, self._exact = base, dae, strengths, exact
         self._read: dict[int, Array] = {}
         t = base.solution.transcription
         names, places = [p.name for p in dae.parameters], [p.name for p in dae.places]
@@ -205,17 +222,13 @@ class Enlarged:
             yield values.base[number][k * rows : (k + 1) * rows], values.data[number][k * width : (k + 1) * width]
 
     def _derivative(self, number: int, values: Values, decisions: Array) -> Array:
-        """Of one term's rows, (C, K m, n).
-
-        What a strength does to a force that a sensor reads is left out of its reading but where the reading itself has the strength: it is
-        the difference of that force from its mean over a sampling interval.
-        """
+        """Of one term's rows, (C, K m, n)."""
         nlp, n = self._program.nlp, len(self._strengths)
         term = nlp.terms[number]
         if not self._depends[number]:
             return np.zeros((term.columns, term.target.shape[0], n))
         if term.within is not None:
-            if number not in self._read:  # no shape is in a reading
+            if number not in self._read or self._exact:  # no shape is in a reading itself
                 own = nlp.interpolation.local + len(nlp.free) - n
                 self._read[number] = nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:].copy()
             return self._read[number]
@@ -229,7 +242,7 @@ class Enlarged:
         """Which terms have a strength in them; of the samples, whether a reading itself has."""
         dae, chosen, found = self._dae, ca.vertcat(*(self._dae.p[i] for i in self._strengths)), list[bool]()
         for term in self._program.nlp.terms:
-            if term.name == "samples":
+            if term.name == "samples" and not self._exact:
                 found.append(bool(ca.depends_on(dae.output, chosen)))
             else:
                 columns = set(term.function.jac_sparsity(0, 1).get_col())

@@ -26,6 +26,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are projected out: less is rounding
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 BATCH = 256  # columns at a time
+SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
 
 
@@ -78,7 +79,8 @@ class Screen:
 
 
 def screen(base: Linearised, looks: Sequence[Look]) -> Screen:
-    """Scores of all looks."""
+    """Scores of all looks, but of parameters that only scale what is left over."""
+    looks = told(base, looks)
     best, freedoms = dict[int, Screened](), Counter[int]()
     for batch in _batches(looks):
         scores, first = base.scores(Columns.joined([look.columns for look in batch])), 0
@@ -103,6 +105,27 @@ def screen(base: Linearised, looks: Sequence[Look]) -> Screen:
         else Scores(b=np.empty(0), G=np.empty((0, 0)), plain=np.empty(0))
     )
     return Screen(found=found, looks=freedoms, G=joint.G, plain=joint.plain, columns=tuple(columns))
+
+
+def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
+    """The looks without those at parameters that do nothing but scale residual forces, when all others make up for them.
+
+    The mass of a body of which only the acceleration is read is one: with half of it, and half of all forces, every row is as before but
+    those of the residual forces, which are halved. That gains whatever these cost, and tells nothing.
+    """
+    given = [look for look in looks if look.candidate.family == "parameter"]
+    if not given or not len(own := base.residual_forces):
+        return list(looks)
+    scores, first, scaling = base.scores(Columns.joined([*(look.columns for look in given), own])), 0, set[int]()
+    last = np.arange(sum(len(look.columns) for look in given), len(scores.b))
+    root = _root(scores.G[np.ix_(last, last)], scores.plain[last])
+    for look in given:
+        at = np.arange(first, first + len(look.columns))
+        first += len(at)
+        whole, common = np.trace(scores.G[np.ix_(at, at)]), np.sum((scores.G[np.ix_(at, last)] @ root) ** 2)
+        if common > (1.0 - SCALES) * whole:
+            scaling.add(id(look))
+    return [look for look in looks if id(look) not in scaling]
 
 
 def _batches(looks: Sequence[Look]) -> list[list[Look]]:

@@ -31,8 +31,11 @@ class Sizes:
         self.base, self.solution, self.result = base, base.solution, result
         t = self.solution.transcription
         self.names = [t.dae.places[k].name for k in t.soft]
-        of_places = forces(problem.posed, followed_by(self.solution), self.solution.parameters)
-        self.forces = {t.dae.places[k].name: of_places.get(k, inf) for k in t.soft}
+        whole, varying = (
+            forces(problem.posed, followed_by(self.solution), self.solution.parameters, varying=only) for only in (False, True)
+        )
+        self.forces = {t.dae.places[k].name: whole.get(k, inf) for k in t.soft}
+        self.varying = {t.dae.places[k].name: varying.get(k, inf) for k in t.soft}
 
     @property
     def left(self) -> dict[str, float]:
@@ -41,7 +44,7 @@ class Sizes:
         return {name: summaries[name].rms / self.forces[name] for name in self.names if name in summaries}
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
-        """Place -> rms force of a candidate at these strengths over that of the forces there, away from rest."""
+        """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
         t = self.solution.transcription
         moved = look.columns.multiplied @ estimate * self.base.sizes
         first, found = 0, dict[str, float]()
@@ -56,7 +59,7 @@ class Sizes:
                 moving = ~near_rest(std)
                 for name, force, there in zip(self.names, mean, moving, strict=True):
                     use = there if there.any() else np.ones_like(there)
-                    found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.forces[name]
+                    found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.varying[name]
             first += size
         return found
 

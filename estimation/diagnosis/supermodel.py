@@ -4,7 +4,7 @@ A component at strength nothing changes no equation, so any number of them may s
 change what the trajectory is; they have no score of this kind, and are fitted.
 
 An input or an output that would read otherwise, u + a (changed(u) - u), has the difference as a further input of the model, and a as its
-strength (`channels.py` has what may change).
+strength (`channels.py` has what may change). So has a force that remembers how the machine moved (`presliding.py`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from backsight.models.errors import ModelError
 from backsight.ocp import Horizon, Solution
 
 from ..problem import Problem
+from ..smoothing.along import along
+from ..smoothing.begun import followed_by
 from ..supposed import lean
 from .candidates import Candidate, Signal
 from .score import Columns, Enlarged, Linearised
@@ -146,8 +148,8 @@ def _of_parameters(base: Linearised, candidates: list[Candidate]) -> list[Look]:
     names = [p.name for p in dae.parameters]
     usable = [c for c in candidates if all(n in names for n in c.strengths)]
     strengths = [n for c in usable for n in c.strengths]
-    enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], base.solution.transcription.horizons, base.solution.parameters)
-    parameters = base.solution.parameters
+    parameters, horizons = base.solution.parameters, base.solution.transcription.horizons
+    enlarged = Enlarged(base, dae, [names.index(n) for n in strengths], horizons, parameters, exact=True)
     still, turned = enlarged.columns(parameters), parameters.copy()
     turned[[names.index(c.quadrature) for c in usable if c.quadrature]] = np.pi / 2
     flat = parameters.copy()
@@ -163,26 +165,25 @@ def _of_parameters(base: Linearised, candidates: list[Candidate]) -> list[Look]:
 
 
 def _of_signals(base: Linearised, candidates: list[Candidate]) -> list[Look]:
-    """Inputs and outputs that read otherwise."""
+    """Inputs and outputs that read otherwise, and forces that follow from the motion."""
     t = base.solution.transcription
     dae = t.dae
     wanted = [(c, signal) for c in candidates for signal in c.signals]
-    added = [ca.SX.sym(f"changed_{i}") for i in range(len(wanted))]
     factors = [ca.SX.sym(f"a_{i}") for i in range(len(wanted))]
-    inputs, outputs = [q.name for q in dae.inputs], [q.name for q in dae.outputs]
-    acting, output = ca.SX(dae.u), ca.SX(dae.output)
-    for (_, signal), more, a in zip(wanted, added, factors, strict=True):
-        what, _, name = signal.of.partition(":")
-        if what == "input":
-            acting[inputs.index(name)] += a * more
-        else:
-            output[outputs.index(name)] += a * more
+    inputs, outputs, places = ([q.name for q in kind] for kind in (dae.inputs, dae.outputs, dae.places))
+    acting, output, forces, added = ca.SX(dae.u), ca.SX(dae.output), ca.SX(dae.w), list[ca.SX]()
+    for (_, signal), a in zip(wanted, factors, strict=True):
+        for of in signal.of:
+            what, _, name = of.partition(":")
+            to, names = {"input": (acting, inputs), "sensor": (output, outputs), "force": (forces, places)}[what]
+            added.append(ca.SX.sym(f"changed_{len(added)}"))
+            to[names.index(name)] += a * added[-1]
     old = ca.SX.sym("u_recorded", dae.u.shape[0])
     acting = ca.substitute(acting, dae.u, old)
     larger = extended(
         replace(dae, output=output),
-        old=dae.u,
-        new=acting,
+        old=ca.vertcat(dae.u, dae.w),
+        new=ca.vertcat(acting, forces),
         inputs=[(more, Quantity(name=f"changed {i}", unit="")) for i, more in enumerate(added)],
         parameters=[
             (a, ParameterInfo(name=f"a {i}", unit="1", value=0.0, minimum=-np.inf, maximum=np.inf, nominal=1.0))
@@ -203,14 +204,21 @@ def _with_signals(base: Linearised, number: int, signals: list[Signal]) -> Horiz
     horizon, dae = t.horizons[number], t.dae
     inputs, outputs = [q.name for q in dae.inputs], [q.name for q in dae.outputs]
     modelled = base.solution.outputs(number)
-    columns = []
+    columns, seen = [], dict[str, Array]()
     for signal in signals:
-        what, _, name = signal.of.partition(":")
-        if what == "input":
-            values = horizon.inputs[:, inputs.index(name)]
-            columns.append(signal.changed(horizon.changes, values) - values)
-        else:
-            values = modelled[outputs.index(name)]
-            change = signal.changed(horizon.time, values) - values
-            columns.append(np.interp(horizon.changes, horizon.time, change))
+        for of in signal.of:
+            what, _, name = of.partition(":")
+            if what == "input":
+                values = horizon.inputs[:, inputs.index(name)]
+                columns.append(signal.changed(horizon.changes, values) - values)
+            elif what == "sensor":
+                values = modelled[outputs.index(name)]
+                change = signal.changed(horizon.time, values) - values
+                columns.append(np.interp(horizon.changes, horizon.time, change))
+            else:
+                if signal.seen not in seen:
+                    followed, times = followed_by(base.solution), np.clip(horizon.changes, horizon.time[0], horizon.time[-1])
+                    found = along(dae, dae.variables[signal.seen], followed, number, times, base.solution.parameters)
+                    seen[signal.seen] = found.ravel()
+                columns.append(signal.changed(horizon.changes, seen[signal.seen]))
     return replace(horizon, inputs=np.column_stack([horizon.inputs, *columns]))

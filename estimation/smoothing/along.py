@@ -27,10 +27,11 @@ def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Arr
     return np.asarray(values, dtype=np.float64)
 
 
-def forces(problem: Problem, followed: Followed, parameters: Array) -> dict[int, float]:
+def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False) -> dict[int, float]:
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
-    The terms are the balance's derivatives times what it is differentiated by: x', x, z, u or p.
+    The terms are the balance's derivatives times what it is differentiated by: x', x, z, u or p. varying: without their means, so that a
+    weight that hangs in the air is nothing.
     """
     dae = problem.dae
     rows = {int(e.place): r for r, e in enumerate(dae.equations) if e.place is not None}
@@ -41,7 +42,9 @@ def forces(problem: Problem, followed: Followed, parameters: Array) -> dict[int,
     for number, horizon in enumerate(followed.horizons):
         times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
         found.append(along(dae, terms, followed, number, times, parameters))
-    size = np.sqrt(np.nanmean(np.hstack(found) ** 2, axis=1)).reshape(-1, len(rows)).max(axis=0, initial=0.0)
+    values = np.hstack(found)
+    mean = np.nanmean(values, axis=1, keepdims=True) if varying else 0.0
+    size = np.sqrt(np.nanmean((values - mean) ** 2, axis=1)).reshape(-1, len(rows)).max(axis=0, initial=0.0)
     return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(rows, size, strict=True)}
 
 

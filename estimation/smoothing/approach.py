@@ -36,17 +36,21 @@ from ..problem import Free, Problem
 from .along import forces
 from .program import Settings, make_program, renewed
 from .rest import FrictionLaw, left_alone, rounded
+from .softened import softened
 from .telling import telling_places
 from .unseen import complete, sought, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
 TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
+REACH = 6.0  # factor on a first guess, up or down, that a parameter does not leave on the way
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
+BENT = 0.5  # the same where no output shows a state: there balances that strain bend what nothing else holds
 TIGHT = 0.1  # share from which on a descent waits for convergence
 BATCHES = 4  # of Gauss-Newton steps at such a share, at most, and
 PAID = 0.01  # the share of the cost that one must save for another one to be worth its while
-STARTS = 3  # descents, at most
+STARTS = 3  # descents, at most, until one is as tight as
+NEAR = 0.05  # which a model may strain that leaves something out, wherever it starts
 SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 DRIVEN = (0.01, 0.1**1.5, 0.1)  # shares at which descents begin where the unseen was driven, and
 CLEAN = 1.2  # squares per sample at which none of them needs another one
@@ -81,11 +85,11 @@ def approach(
     Widths of the laws that the user gave stay; those of the others end as they stand in `parameters`. least: place -> standard deviation
     that its residual force is given; it gets no less.
     """
-    near, telling = _near(problem), telling_places(problem)
+    near, telling, own = _near(problem), telling_places(problem), len(problem.dae.places)
     hidden = bool(unseen_states(problem))
-    rng, found = np.random.default_rng(0), list[Approach]()
+    rng, found, strain = np.random.default_rng(0), list[Approach](), BENT if hidden else STRAINED
     if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
-        return _with_widths(way, laws, parameters)
+        return _ended(way, laws, parameters, own)
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
         if number:
@@ -93,10 +97,10 @@ def approach(
             for i in problem.free:
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
         begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
-        found.append(_descent(near, begun, laws, start, share, least, telling, say))
-        if found[-1].share <= TIGHTEST:
+        found.append(_descent(softened(near) if hidden else near, begun, laws, start, share, least, telling, say, strain))
+        if found[-1].share <= NEAR:
             break
-    return _with_widths(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters)
+    return _ended(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters, own)
 
 
 def _from_search(
@@ -116,7 +120,7 @@ def _from_search(
         return None
     found, count = list[Approach](), _count(followed)
     for share in DRIVEN:
-        way = _descent(near, begun[0], laws, begun[1], share, least, (), say)
+        way = _descent(softened(near), begun[0], laws, begun[1], share, least, (), say)
         if way.share <= TIGHTEST and 2 * way.cost <= (1.0 + STRAINED) * count:
             found.append(way)
         if found and 2 * way.cost <= CLEAN * count:
@@ -124,12 +128,12 @@ def _from_search(
     return min(found, key=lambda way: way.unlikely, default=None)
 
 
-def _with_widths(way: Approach, laws: tuple[FrictionLaw, ...], parameters: Array) -> Approach:
-    """The way with the widths of the laws as they stand in parameters (np_all,)."""
+def _ended(way: Approach, laws: tuple[FrictionLaw, ...], parameters: Array, places: int) -> Approach:
+    """The way with the widths of the laws as they stand in parameters (np_all,), and what the model's own places have."""
     ended = way.parameters.copy()
     for law in laws:
         ended[law.width] = parameters[law.width]
-    return replace(way, parameters=ended)
+    return replace(way, parameters=ended, force_std={k: std for k, std in way.force_std.items() if k < places})
 
 
 def _count(followed: Followed) -> int:
@@ -145,6 +149,7 @@ def _descent(
     least: Mapping[int, float],
     telling: Collection[int],
     say: Callable[[str], None],
+    strain: float = STRAINED,
 ) -> Approach:
     """One way from loose to tight, but for the telling places, which are tight throughout; it ends where it strains."""
     pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
@@ -187,7 +192,7 @@ def _descent(
                 break
         say(f"balances within {100 * share:.3g} % of their forces: cost {cost:.6g}")
         best = min(best, cost)
-        if 2 * (cost - best) <= STRAINED * count:
+        if 2 * (cost - best) <= strain * count:
             way = reached(cost)
             if share <= TIGHTEST:
                 return way
@@ -214,11 +219,13 @@ def _within(problem: Problem, index: int, value: float) -> float:
 
 
 def _near(problem: Problem) -> Problem:
-    """The problem with every free parameter supposed to be near its first guess, unless the user says how near."""
+    """The problem with every free parameter near its first guess, unless the user says how near, and not out of its reach."""
     given = dict(problem.parameters)
     for i in problem.free:
         info = problem.dae.parameters[i]
         free = given[info.name]
         if isinstance(free, Free) and free.std is None:
-            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal))
+            low, high = sorted((free.guess / REACH, free.guess * REACH)) if free.guess else (-np.inf, np.inf)
+            low, high = max(free.min, low), min(free.max, high)
+            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal), min=low, max=high)
     return replace(problem, model=problem.dae, parameters=given)

@@ -1,6 +1,6 @@
 """Signal blocks: what stands between a command and a source, or between a sensor and what is recorded. A blank unit is any unit."""
 
-from .blocks import Constant, DeadZone, Drift, Gain, Offset, Saturation, Sine, Sum
+from .blocks import Constant, DeadZone, Drift, Gain, Offset, PeriodicError, Saturation, Sine, Sum
 from .dynamics import AsymmetricLag, Delay, Lag, LimitedPIController, PIController, SecondOrderLag
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "LimitedPIController",
     "Offset",
     "PIController",
+    "PeriodicError",
     "Saturation",
     "SecondOrderLag",
     "Sine",

@@ -7,6 +7,7 @@ Corners are rounded: with r = rounding * corner,
 is odd, stays within the limit, and is off by r/2 at most (at a corner), by limit (r/u)^2 / 2 far beyond it. The rounding is no physics.
 """
 
+import math
 from typing import Any
 
 import casadi as ca
@@ -94,6 +95,23 @@ class Drift(Component):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {"drift": equal(c.y, c.u + c.rate * c.time)}
+
+
+class PeriodicError(Component):
+    """An error that comes back with every period of the signal: a disk that is not centred.   y = u + amplitude sin(2 pi u/period + phase)
+
+    Signals:    u (input), y (output), of one unit
+    Parameters: amplitude [that unit] 0 by default (absent); period [that unit] 2 pi by default, a turn in radians; phase [rad] 0 by default
+    """
+
+    u = SignalInput()
+    y = SignalOutput()
+    amplitude = Parameter("", 0.0, description="largest error")
+    period = Parameter("", 2 * math.pi, min=1e-12, description="of the error, in the signal")
+    phase = Parameter("rad", 0.0, description="of the error where the signal is nothing")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {"periodic error": equal(c.y, c.u + c.amplitude * ca.sin(2 * ca.pi * c.u / c.period + c.phase))}
 
 
 class Sum(Component):

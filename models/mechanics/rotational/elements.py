@@ -129,7 +129,7 @@ class RotationalEndStop(TurningElement):
     """
 
     x = Parameter("rad", 0.0, description="angle of the stop")
-    k = Parameter("N.m/rad", 1e3, min=1e-9, description="stiffness of the stop")
+    k = Parameter("N.m/rad", 1e3, min=1e-15, description="stiffness of the stop")
     d = Parameter("N.m.s/rad", 0.0, min=0.0, description="damping of the stop")
     width = Parameter("rad", 1e-5, min=1e-15, description="rounding of the corners of the contact", smoothing=True)
 

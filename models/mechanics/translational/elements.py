@@ -129,7 +129,7 @@ class EndStop(MovingElement):
     """
 
     x = Parameter("m", 0.0, description="position of the stop")
-    k = Parameter("N/m", 1e6, min=1e-9, description="stiffness of the stop")
+    k = Parameter("N/m", 1e6, min=1e-15, description="stiffness of the stop")
     d = Parameter("N.s/m", 0.0, min=0.0, description="damping of the stop")
     width = Parameter("m", 1e-6, min=1e-15, description="rounding of the corners of the contact", smoothing=True)
 

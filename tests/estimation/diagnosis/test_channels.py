@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from backsight.estimation.diagnosis.channels import lagged, late, of_input, of_sensor
+from backsight.estimation.diagnosis.channels import lagged, late, of_alike, of_input, of_sensor
 from backsight.models import compile_model
-from backsight.models.plants import actuator, five_bar
+from backsight.models.plants import PLANTS, actuator, five_bar
 
 EVEN = 0.01 * np.arange(200)
 UNEVEN = np.cumsum(0.01 * (1 + 0.6 * np.sin(np.arange(200.0) ** 2)))
@@ -137,3 +137,28 @@ def test_saturation_and_dead_zone_are_looked_at_as_they_are():
     zone = faults["input_dead_zone"].signals[-1]
     (width,) = zone.start.values()
     assert zone.changed(EVEN[:4], u) == pytest.approx(np.sign(u) * np.maximum(np.abs(u) - width, 0.0))
+
+
+def test_inputs_of_parts_of_one_kind_may_be_late_together():
+    model = PLANTS["quadrotor"]()
+    lag, delay = of_alike(model, ["u_1", "u_2", "u_3", "u_4"], 0.01, 10.0)
+    assert (lag.physics, delay.physics, lag.place) == ("input_lag", "input_delay", "input:u_1")
+    assert delay.size == 1
+    for c, block in ((lag, "lag"), (delay, "delay")):
+        edited = c.edited(model)
+        (path,) = c.start
+        assert [edited.bindings[f"input_{block}_u_{i}.{path.rpartition('.')[2]}"] for i in (1, 2, 3, 4)] == [path] * 4
+        assert path in {p.name for p in compile_model(edited).parameters}
+        assert all(s.of == tuple(f"input:u_{i}" for i in (1, 2, 3, 4)) for s in c.signals)
+        assert c.units[path] == "s"
+        left = of_alike(edited, ["u_1", "u_2", "u_3", "u_4"], 0.01, 10.0)
+        assert c.physics not in {o.physics for o in left}
+
+
+def test_an_angle_may_be_read_from_a_disk_that_is_not_centred():
+    model = PLANTS["five_bar"]()
+    found = {c.physics: c for c in of_sensor(model, "theta_1", [], 0.01, 10.0, angle=True)}
+    c = found["eccentricity"]
+    assert (c.place, c.family) == ("sensor:theta_1", "sensor")
+    assert {*c.strengths, c.quadrature} <= {p.name for p in compile_model(c.edited(model)).parameters}
+    assert "eccentricity" not in {c.physics for c in of_sensor(model, "theta_1", [], 0.01, 10.0)}

@@ -11,7 +11,7 @@ from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.choice import coloured, held_unseen, simpler_there
+from backsight.estimation.diagnosis.choice import beyond, coloured, held_unseen, simpler_there
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.diagnosis.supermodel import Look
@@ -41,6 +41,16 @@ def test_what_gains_no_more_with_more_parameters_is_left_to_a_later_round():
     assert simpler_there(larger, [simple, larger])
     assert not simpler_there(replace(larger, gain=54.0), [simple, larger])
     assert not simpler_there(larger, [screened("elsewhere", "viscous_friction", 50.0), larger])
+
+
+@pytest.mark.parametrize(("estimate", "out"), [(0.5, False), (-0.7, False), (-0.9, True), (4.5, True)])
+def test_a_strength_that_no_part_can_have_explains_nothing(estimate, out):
+    gain = Candidate(
+        place="sensor:x", family="sensor", physics="sensor_gain", strengths=("g",), without={"g": 1.0}, start={"g": (1.0, 0.2, 5.0)}
+    )
+    s = replace(screened("p", "x", 9.0), estimate=np.array([estimate]))
+    assert beyond(replace(s, look=replace(s.look, candidate=gain))) is out
+    assert not beyond(s)  # nothing is said of its limits
 
 
 @pytest.mark.parametrize(("friction", "told"), [(0.0, False), (20.0, True)])

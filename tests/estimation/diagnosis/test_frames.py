@@ -13,14 +13,14 @@ from backsight.models.quadratures import without_ignorable
 
 
 def by_name(model) -> dict:
-    return {(c.place, c.physics): c for c in of_frames(model)}
+    return {(c.place, c.physics): c for c in of_frames(model, {})}
 
 
 @pytest.mark.parametrize("plant", [xy_table, quadrotor])
 def test_without_strength_they_change_nothing(plant):
     model = plant()
     base, grown = compile_model(model), model
-    for c in of_frames(model):
+    for c in of_frames(model, {}):
         if c.strengths:
             grown = c.edited(grown)
     whole = compile_model(grown)
@@ -33,22 +33,36 @@ def test_without_strength_they_change_nothing(plant):
 def test_rotors_that_spin_down_as_fast_as_up_are_the_ones_that_were_there():
     model = quadrotor()
     base = compile_model(model)
-    rotors = [c for c in of_frames(model) if c.physics == "asymmetric_lag"]
-    assert [c.place for c in rotors] == [f"rotor_{i}" for i in (1, 2, 3, 4)]
-    assert all(c.dear for c in rotors)
-    for c in rotors[:2]:
-        dae = compile_model(c.edited(model))
-        (down,) = c.start
-        for seed in range(3):
-            point = Point(base, seed)
-            still = np.concatenate(point.told())
-            assert np.linalg.norm(np.concatenate(point.told(dae, {down: 0.2})) - still) > 0
-            # both time constants alike: each row of its law may have another factor, but it is nothing where the old one is
-            same = np.concatenate(point.told(dae, {down: 0.05}))
-            changed = np.flatnonzero(~np.isclose(same, still, rtol=1e-9, atol=1e-12))
-            assert len(changed) <= 1
-            ratios = {float(np.round(same[k] / still[k], 6)) for k in changed}
-            assert ratios <= {0.5, 1.0, 2.0, 0.025, 40.0}
+    (c,) = (c for c in of_frames(model, {"rotor.tau": 0.08}) if c.physics == "asymmetric_lag")
+    assert (c.place, c.strengths, c.without) == ("rotor_1", ("rotor.tau_down",), {"rotor.tau_down": 0.08})
+    dae = compile_model(c.edited(model))
+    assert next(p.value for p in dae.parameters if p.name == "rotor.tau_down") == 0.08
+    rotors = [f"rotor_{i}.thrust" for i in (1, 2, 3, 4)]
+    for seed in range(3):
+        point = Point(base, seed)
+        still = np.concatenate(point.told(base, {"rotor.tau": 0.08}))
+        same = np.concatenate(point.told(dae, {"rotor.tau": 0.08}))
+        assert same == pytest.approx(still, rel=1e-9, abs=1e-9)
+        slower = np.concatenate(point.told(dae, {"rotor.tau": 0.08, "rotor.tau_down": 0.2}))
+        assert np.count_nonzero(~np.isclose(slower, still, rtol=1e-9, atol=1e-12)) == len(rotors)
+
+
+def test_the_inertia_of_rotors_turns_the_body_against_them_as_the_law_of_angular_momentum_says():
+    model = quadrotor()
+    c = by_name(model)["body", "rotor_inertia"]
+    assert c.one_sided
+    point, effect = body_effect(model, c, *c.strengths, seed=2)
+    base = compile_model(model)
+    names = [q.name for q in base.states]
+    x, dx = dict(zip(names, point.x, strict=True)), dict(zip(names, point.dx, strict=True))
+    k_r, spins = 1e-5, {"rotor_1": 1, "rotor_2": -1, "rotor_3": 1, "rotor_4": -1}
+    speed = {name: np.sqrt(abs(x[f"{name}.thrust"]) / k_r) for name in spins}
+    h = sum(s * speed[name] for name, s in spins.items())
+    rate = sum(s * np.sign(x[f"{name}.thrust"]) * dx[f"{name}.thrust"] / (2 * k_r * speed[name]) for name, s in spins.items())
+    torque = np.array([-x["body.q"] * h, x["body.p"] * h, -rate])
+    told = effect[np.abs(effect) > 1e-9]
+    assert len(told) == 3
+    assert np.sort(np.abs(told)) == pytest.approx(np.sort(np.abs(torque)), rel=1e-3)
 
 
 def body_effect(model, c, path: str, seed: int, size: float = 1.0) -> tuple[Point, np.ndarray]:
@@ -112,7 +126,7 @@ def test_a_tilted_plane_pulls_along_its_direction():
 
 @pytest.mark.parametrize("plant", ["actuator", "drillstring"])
 def test_machines_without_frames_have_none(plant):
-    assert of_frames(PLANTS[plant]()) == []
+    assert of_frames(PLANTS[plant](), {}) == []
 
 
 def test_drag_in_still_air_needs_no_heading_that_nothing_shows():

@@ -25,7 +25,9 @@ def candidates(model) -> list:
 
 
 def shaped(c) -> dict[str, float]:
-    return {name: grid[-1] for name, grid in c.shapes.items()} | ({c.quadrature: 0.4} if c.quadrature else {})
+    return {name: 0.0 if name.endswith(".x") else grid[-1] for name, grid in c.shapes.items()} | (
+        {c.quadrature: 0.4} if c.quadrature else {}
+    )
 
 
 @cache
@@ -95,6 +97,7 @@ def formula(c, s: float, v: float, a: float, width: float, values: dict[str, flo
         "quadratic_drag": {"c": v * abs(v)},
         "constant_force": {"f": 1.0},
         "added_mass": {"m": a},
+        "end_stop": {"k": min(s, 0.0) if c.strengths[0].startswith("lower") else max(s, 0.0)},
     }
     sides = {"d_plus": max(v, 0.0), "d_minus": min(v, 0.0), "f_plus": float(v > 0), "f_minus": -float(v < 0)}
     del width

@@ -25,7 +25,7 @@ def test_every_fault_and_law_that_an_axis_can_have_is_there(axis):
     expected |= {("carriage", w) for w in ("cogging", "spring", "cubic_spring", "quadratic_drag", "constant_force", "added_mass")}
     expected |= {("input:F", f"input_{w}") for w in ("gain", "offset", "lag", "delay", "saturation", "dead_zone")}
     expected |= {("sensor:x", f"sensor_{w}") for w in ("gain", "bias", "drift", "lag", "delay")}
-    expected |= {("screw", "compliance"), ("screw", "backlash")}
+    expected |= {("screw", "compliance"), ("screw", "backlash"), ("carriage", "end_stop")}
     assert expected <= there
 
 
@@ -42,7 +42,7 @@ def test_names_in_candidates_are_parameters_of_the_edited_model(axis):
     problem, _, found = axis
     for c in found:
         names = {p.name for p in compile_model(c.edited(problem.model)).parameters}
-        for used in (c.strengths, c.start, c.shapes, c.named.values(), c.kept, [c.quadrature] if c.quadrature else []):
+        for used in (c.strengths, c.start, c.shapes, c.named.values(), [c.quadrature] if c.quadrature else []):
             assert set(used) <= names, c.title
 
 

@@ -12,7 +12,7 @@ from concealed_axis import posed, run
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis import refit
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.channels import of_sensor
+from backsight.estimation.diagnosis.channels import of_input, of_sensor
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted, begun, evidence, fitted, settled
@@ -57,12 +57,14 @@ def test_the_problem_of_a_candidate_has_its_parameters_free_within_their_ranges(
     assert now.parameters["carriage.m"] == problem.parameters["carriage.m"]
 
 
-def test_what_a_candidate_keeps_is_fixed():
-    problem = posed(run(0.1))
-    c = replace(law("cogging"), kept={"cogging_carriage.period": 0.01})
-    now, _ = refit.posed(problem, problem.model, c, {})
-    assert now.parameters["cogging_carriage.period"] == 0.01
-    assert isinstance(now.parameters["cogging_carriage.amplitude"], Free)
+def test_a_strength_that_is_not_nothing_without_effect_starts_from_what_it_is():
+    model = actuator()
+    gain = next(c for c in of_input(model, "F", [np.ones(9)], 0.01, 1.0) if c.physics == "input_gain")
+    (path,) = gain.strengths
+    assert begun(gain, screened(gain, [-0.12]), {})[path] == pytest.approx(0.88)
+    assert begun(gain, screened(gain, [-0.12]), {path: 0.9})[path] == pytest.approx(0.78)  # it is there already
+    slower = Candidate(place="p", family="actuator", physics="x", strengths=("tau_down",), without={"tau_down": 0.05})
+    assert begun(slower, screened(slower, [0.04]), {})["tau_down"] == pytest.approx(0.09)
 
 
 def test_two_quadratures_are_an_amplitude_and_a_phase():
@@ -145,9 +147,10 @@ def test_what_is_settled_starts_where_the_last_fit_ended(lacking):
 
 def test_a_fit_that_cannot_be_posed_says_why():
     problem = posed(run(0.1))
-    c = replace(law("coulomb_friction"), kept={"coulomb_friction_carriage.f_c": -1.0})
+    friction = law("coulomb_friction")
+    c = replace(friction, edits=(replace(friction.edits[0], place="cariage.flange"),))
     found = fitted(problem, problem.model, None, c, {})
-    assert "outside its physical range" in found.failed
+    assert "no component 'cariage'" in found.failed
     assert found.evidence == -np.inf
     assert found.whole is None
     assert Fitted(candidate=c).evidence == -np.inf

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from backsight.estimation.diagnosis.candidates import Candidate, Signal
 from backsight.estimation.diagnosis.score import Columns, Scores
-from backsight.estimation.diagnosis.screen import Screen, gain, screen
+from backsight.estimation.diagnosis.screen import Screen, gain, screen, told
 from backsight.estimation.diagnosis.supermodel import Look
 
 ROWS = 60
@@ -86,7 +86,7 @@ def test_strengths_that_may_not_be_negative_gain_what_a_bounded_minimiser_says(s
 
 def test_a_signal_cannot_be_other_than_it_is_with_a_negative_share():
     S = np.random.default_rng(0).standard_normal((ROWS, 1))
-    signal = Signal(of="input:u", changed=lambda _, values: values)
+    signal = Signal(of=("input:u",), changed=lambda _, values: values)
     against, along = (screen(regression(3, sign * 3 * S[:, 0]), [look(S, signals=(signal,))]).found[0] for sign in (1, -1))
     assert against.gain == 0
     assert along.gain > 20
@@ -155,3 +155,28 @@ def test_gain_of_some_columns_and_a_screen_of_nothing():
     assert nothing.chance(1.0) == 0.0
     assert replace(nothing).needed(0.05) == 0.1
     assert isinstance(nothing, Screen)
+
+
+@dataclass(frozen=True)
+class WithForces(Regression):
+    """A regression whose first rows are residual forces of two places."""
+
+    @property
+    def residual_forces(self) -> Columns:
+        own = np.zeros((ROWS, 2))
+        own[:20, 0], own[20:40, 1] = self.r[:20], self.r[20:40]
+        return Columns(squares=own, multiplied=np.zeros((0, 2)))
+
+
+def test_a_parameter_that_only_scales_what_is_left_over_is_no_suspect_however_much_that_gains():
+    plain = regression(0)
+    base = WithForces(r=plain.r, J=plain.J)
+    forces = base.residual_forces.squares
+    within = plain.J @ np.ones((4, 1))  # what trajectories and parameters make up for
+    parameter = Candidate(place="body", family="parameter", physics="wrong_parameter", strengths=("body.m",))
+    scaling = look(forces @ [[0.7], [0.7]] + within, parameter)
+    assert base.scores(scaling.columns).b ** 2 / base.scores(scaling.columns).G[0] > 20
+    other = look(forces[:, :1] + 0.5 * np.random.default_rng(1).standard_normal((ROWS, 1)), parameter)
+    friction = look(forces[:, :1])
+    assert told(base, [scaling, other, friction]) == [other, friction]
+    assert told(plain, [friction]) == [friction]

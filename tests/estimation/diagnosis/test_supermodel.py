@@ -80,11 +80,11 @@ def test_friction_that_waves_spans_what_its_component_does_with_the_friction_bes
 
 def test_an_input_that_is_twice_what_it_was_is_a_gain(axis):
     problem, base, _, looks = axis
-    twice = Candidate(place="input:F", family="actuator", physics="x", signals=(Signal(of="input:F", changed=lambda _, u: 2 * u),))
+    twice = Candidate(place="input:F", family="actuator", physics="x", signals=(Signal(of=("input:F",), changed=lambda _, u: 2 * u),))
     (look,) = looked_at(problem, problem.model, base, [twice])
     (right,) = of(looks, "input_gain")
     same(look.columns, right.columns, rel=1e-6)
-    more = Candidate(place="input:F", family="actuator", physics="x", signals=(Signal(of="input:F", changed=lambda _, u: u + 1.0),))
+    more = Candidate(place="input:F", family="actuator", physics="x", signals=(Signal(of=("input:F",), changed=lambda _, u: u + 1.0),))
     (look,) = looked_at(problem, problem.model, base, [more])
     (right,) = of(looks, "input_offset")
     same(look.columns, right.columns, rel=1e-6)
@@ -97,7 +97,7 @@ def test_a_reading_that_is_off_by_one_is_a_bias_and_one_that_grows_drifts(axis):
         ("sensor_gain", lambda _, y: 2 * y),
         ("sensor_drift", lambda t, y: y + t),
     ):
-        c = Candidate(place="sensor:x", family="sensor", physics="x", signals=(Signal(of="sensor:x", changed=changed),))
+        c = Candidate(place="sensor:x", family="sensor", physics="x", signals=(Signal(of=("sensor:x",), changed=changed),))
         (look,) = looked_at(problem, problem.model, base, [c])
         (right,) = of(looks, physics)
         same(look.columns, right.columns, rel=1e-4)

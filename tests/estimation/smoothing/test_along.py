@@ -31,6 +31,16 @@ def test_the_largest_term_of_a_balance_counts(mass):
     assert forces(problem, trajectories, problem.values)[0] == pytest.approx(max(inertia, drag), rel=0.01)
 
 
+def test_of_what_varies_the_mean_is_no_part():
+    problem, trajectories = followed(M)
+    inertia = M * A * OMEGA**2 / np.sqrt(2)
+    assert forces(problem, trajectories, problem.values, varying=True)[0] == pytest.approx(inertia, rel=0.01)
+    hung = problem.values.copy()
+    hung[[p.name for p in problem.dae.parameters].index("offset.f")] = 5 * inertia
+    assert forces(problem, trajectories, hung)[0] == pytest.approx(5 * inertia, rel=0.01)
+    assert forces(problem, trajectories, hung, varying=True)[0] == pytest.approx(inertia, rel=0.01)
+
+
 def test_an_expression_is_evaluated_along_the_trajectory():
     problem, trajectories = followed(M)
     times = np.linspace(0.5, 3.5, 50)

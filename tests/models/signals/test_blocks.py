@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backsight.models import Component, Model, ModelError, SignalInput, compile_model, simulate
-from backsight.models.signals import Constant, DeadZone, Drift, Gain, Offset, Saturation, Sine, Sum
+from backsight.models.signals import Constant, DeadZone, Drift, Gain, Offset, PeriodicError, Saturation, Sine, Sum
 
 T = np.linspace(0.0, 2.0, 9)
 U = np.array([-3.0, -1.2, -1.0, -0.4, 0.0, 0.4, 1.0, 1.2, 3.0])
@@ -32,6 +32,12 @@ def test_gain_offset_and_drift_are_the_errors_of_a_sensor() -> None:
     assert output(Gain(gain=0.98), u=U) == pytest.approx(0.98 * U, abs=1e-15)
     assert output(Offset(bias=-0.2), u=U) == pytest.approx(U - 0.2, abs=1e-15)
     assert output(Drift(rate=0.1), u=U) == pytest.approx(U + 0.1 * T, abs=1e-15)
+
+
+def test_a_disk_that_is_not_centred_reads_too_much_and_too_little_once_a_turn() -> None:
+    assert output(PeriodicError(amplitude=0.05, phase=0.4), u=U) == pytest.approx(U + 0.05 * np.sin(U + 0.4), abs=1e-15)
+    assert output(PeriodicError(amplitude=0.05, period=0.5), u=U) == pytest.approx(U + 0.05 * np.sin(4 * np.pi * U), abs=1e-14)
+    assert output(PeriodicError(), u=U).tolist() == U.tolist()
 
 
 def test_a_sum_with_a_weight_of_minus_one_is_a_difference() -> None:

@@ -1,0 +1,64 @@
+"""Bending asperities along a known motion, against an integrator's; and the candidate that has them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from backsight.estimation.diagnosis.laws import Motion
+from backsight.estimation.diagnosis.places import bodies
+from backsight.estimation.diagnosis.presliding import bristles, of_presliding
+from backsight.models import compile_model
+from backsight.models.plants import actuator, drillstring
+
+LEVEL, DELTA, WIDTH = 20.0, 2e-4, 1e-4
+
+
+@pytest.mark.parametrize("rate", [500.0, 2000.0])
+def test_the_force_is_what_the_law_of_dahl_gives_over_the_sign_of_the_velocity(rate: float) -> None:
+    time = np.arange(0.0, 1.5, 1 / rate)
+
+    def v(t):
+        return 0.02 * np.sin(2 * np.pi * 3 * t) + 0.004 * np.cos(2 * np.pi * 11 * t)
+
+    law = solve_ivp(
+        lambda t, z: v(t) - np.abs(v(t)) * z / DELTA, (0.0, 1.6), [DELTA], rtol=1e-9, atol=1e-12, max_step=2e-4, dense_output=True
+    )
+    fine = (np.arange(40) + 0.5) / 40 / rate
+    true = np.array([np.mean(LEVEL * (np.tanh(v(t + fine) / WIDTH) - law.sol(t + fine)[0] / DELTA)) for t in time])
+    found = bristles(time, v(time), level=LEVEL, delta=DELTA, width=WIDTH)
+    assert np.sqrt(np.mean(true**2)) > 0.2 * LEVEL
+    assert np.sqrt(np.mean((found - true) ** 2)) < 0.1 * (500.0 / rate) * np.sqrt(np.mean(true**2))
+
+
+def test_where_asperities_are_stiff_nothing_is_left_but_the_sign() -> None:
+    time = np.linspace(0.0, 1.0, 2001)
+    velocity = 0.2 * np.cos(2 * np.pi * time)
+    moving = np.abs(velocity) > 0.01
+    assert np.abs(bristles(time, velocity, level=1.0, delta=1e-7, width=1e-5)[moving]).max() < 1e-3
+
+
+def test_a_body_with_friction_may_have_it_and_gives_its_level_up() -> None:
+    model = actuator()
+    (carriage,) = (s for s in bodies(model) if s.name == "carriage")
+    motion = Motion(v_rms=0.1, low=-0.1, high=0.1)
+    (c,) = of_presliding(model, carriage, motion, {"friction.f_c": 20.0, "friction.width": 1e-3})
+    assert c.absorbs == {"friction.f_c": "presliding_friction_carriage.f_c"}
+    assert c.start["presliding_friction_carriage.f_c"][0] == 20.0
+    edited = compile_model(c.edited(model))
+    assert set(c.start) <= {p.name for p in edited.parameters}
+    assert "presliding_friction_carriage.z" in {q.name for q in edited.states}
+    ways = [20.0 / next(iter(s.start.values())) for s in c.signals]
+    assert ways == sorted(ways)
+    assert 0 < min(ways) < max(ways) < motion.span
+
+
+def test_where_there_is_no_level_there_is_nothing_to_bend() -> None:
+    model = actuator()
+    (carriage,) = (s for s in bodies(model) if s.name == "carriage")
+    assert of_presliding(model, carriage, Motion(v_rms=0.1, low=-0.1, high=0.1), {"friction.f_c": 0.0}) == []
+    assert of_presliding(model, carriage, Motion(v_rms=0.1, low=0.0, high=0.0), {"friction.f_c": 1.0}) == []
+    string = drillstring()
+    (table,) = (s for s in bodies(string) if s.name == "rotary_table")
+    assert of_presliding(string, table, Motion(v_rms=1.0, low=0.0, high=9.0), {}) == []
