@@ -113,7 +113,8 @@ def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list
     first, spins = names[0], [model.components[name].parameters["spin"] for name in names]
     time = model.bindings.get(f"{first}.tau", f"{first}.tau")
     tau = values.get(time, model.components[first].parameters["tau"])
-    slower, inertia = f"{time}_down", f"{time.rpartition('.')[0]}.J"
+    slower = f"{time}_down" if time in model.parameters else f"{free_name(model, f'spin_down_{first}')}.tau"
+    inertia = f"{time.rpartition('.')[0]}.J"
     exchanged = tuple(Exchange(name=name, component=_spun_down(model, name)) for name in names)
     (body,) = (name for name, c in model.components.items() if isinstance(c, spatial.RigidBody))
     parts = tuple(

@@ -41,7 +41,8 @@ def library(problem: Problem, model: Model, solution: Solution) -> list[Candidat
             continue
         motion = motions.of(spot)
         if motion is not None:
-            found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND] + of_presliding(model, spot, motion, values)
+            found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
+            found += of_presliding(model, spot, motion, values) if spot.name in {p.name for p in dae.places} else []
     for spot in elements(model):
         motion = motions.of(spot)
         if motion is not None:

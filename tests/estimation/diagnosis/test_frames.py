@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from neutral import Point
@@ -136,3 +138,12 @@ def test_drag_in_still_air_needs_no_heading_that_nothing_shows():
     for physics in ("linear_drag", "quadratic_drag", "constant_force", "coupling"):
         dae = without_ignorable(compile_model(by_name(model)["body", physics].edited(model)))
         assert [q.name for q in dae.states] == own, physics
+
+
+def test_rotors_with_time_constants_of_their_own_spin_down_each_in_its_own_time():
+    shared = quadrotor()
+    model = replace(shared, bindings={path: to for path, to in shared.bindings.items() if not path.endswith(".tau")})
+    found = [c for c in of_frames(model, {}) if c.physics == "asymmetric_lag"]
+    assert [c.place for c in found] == [f"rotor_{i}" for i in (1, 2, 3, 4)]
+    for c in found:
+        assert set(c.strengths) <= {p.name for p in compile_model(c.edited(model)).parameters}
