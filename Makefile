@@ -11,6 +11,7 @@ VENV := .venv
 BUILD := .build
 BIN := $(VENV)/bin
 BARE := $(BUILD)/bare
+CORES := -n auto --dist loadfile
 PIP := -m pip --disable-pip-version-check --quiet
 export HYPOTHESIS_STORAGE_DIRECTORY := $(CURDIR)/$(BUILD)/hypothesis
 
@@ -38,7 +39,7 @@ types: $(VENV)/.installed
 	$(BIN)/mypy
 
 unit: $(VENV)/.installed
-	$(BIN)/pytest --cov --cov-report=term:skip-covered
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --cov --cov-report=term:skip-covered
 
 # The tests once more, against the wheel in an environment without the checkout: what is missing from the package list fails here.
 wheel: $(VENV)/.installed $(BARE)/.installed
@@ -47,7 +48,7 @@ wheel: $(VENV)/.installed $(BARE)/.installed
 	$(BARE)/bin/python $(PIP) install --no-deps --force-reinstall $(BUILD)/dist/backsight-*.whl
 	mkdir $(BUILD)/installed
 	cp -R tests pyproject.toml $(BUILD)/installed/
-	cd $(BUILD)/installed && ../bare/bin/pytest -m "not slow" -o cache_dir=.pytest_cache
+	cd $(BUILD)/installed && OPENBLAS_NUM_THREADS=1 ../bare/bin/pytest $(CORES) -m "not slow" -o cache_dir=.pytest_cache
 
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/bench.py
@@ -80,7 +81,7 @@ $(BARE)/.installed: requirements.lock pyproject.toml
 	@$(call environment,$(BARE))
 	sed -n 's/^\([A-Za-z0-9._-]*==[^\]*\)\\$$/\1/p' requirements.lock >$(BARE)/pins
 	$(BARE)/bin/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["dependencies"], sep="\n")' >$(BARE)/needs
-	$(BARE)/bin/python $(PIP) install --constraint $(BARE)/pins --requirement $(BARE)/needs pytest hypothesis
+	$(BARE)/bin/python $(PIP) install --constraint $(BARE)/pins --requirement $(BARE)/needs pytest pytest-xdist hypothesis
 	@touch $@
 
 $(BUILD)/lock/.installed:

@@ -43,7 +43,6 @@ from .unseen import complete, sought, unseen_states
 TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
 TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
-REACH = 6.0  # factor on a first guess, up or down, that a parameter does not leave on the way
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
 BENT = 0.5  # the same where no output shows a state: there balances that strain bend what nothing else holds
 TIGHT = 0.1  # share from which on a descent waits for convergence
@@ -219,13 +218,11 @@ def _within(problem: Problem, index: int, value: float) -> float:
 
 
 def _near(problem: Problem) -> Problem:
-    """The problem with every free parameter near its first guess, unless the user says how near, and not out of its reach."""
+    """The problem with every free parameter supposed to be near its first guess, unless the user says how near."""
     given = dict(problem.parameters)
     for i in problem.free:
         info = problem.dae.parameters[i]
         free = given[info.name]
         if isinstance(free, Free) and free.std is None:
-            low, high = sorted((free.guess / REACH, free.guess * REACH)) if free.guess else (-np.inf, np.inf)
-            low, high = max(free.min, low), min(free.max, high)
-            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal), min=low, max=high)
+            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal))
     return replace(problem, model=problem.dae, parameters=given)

@@ -53,6 +53,7 @@ def test_until_its_onset_nothing_is_different() -> None:
         assert np.abs(after[row + 1 :] - before[row + 1 :]).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_half_the_step_gives_the_same_motion_of_an_elastic_screw(monkeypatch: pytest.MonkeyPatch) -> None:
     """Under the same forces, without noise in the loop; the error of the usual step is a fiftieth of the noise of 5e-6 m."""
     quiet = replace(SETTING, conditions=replace(SETTING.conditions, duration=0.7, noise={"x": 1e-12}))

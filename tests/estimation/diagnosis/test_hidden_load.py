@@ -43,6 +43,7 @@ def test_the_place_of_which_no_output_tells_is_the_load():
     assert hidden(Problem(model=compile_model(soft_drive()), recordings=problem.recordings, parameters=problem.parameters)) == {"load"}
 
 
+@pytest.mark.slow
 def test_friction_that_holds_a_load_that_nobody_sees_is_found_there():
     d = diagnose(posed(0.15), jobs=2)
     assert d.verdict == "missing_physics"

@@ -58,6 +58,7 @@ def test_an_axis_that_sticks_is_predicted_like_the_machine_itself_and_like_the_s
         assert predicted[j, : ROWS + 1] == pytest.approx(exact.outputs["x"], abs=1e-4 * travelled)
 
 
+@pytest.mark.slow
 def test_a_table_with_algebraic_forces_and_accelerometers_is_predicted_to_a_share_of_its_noise():
     conditions = replace(table.CONDITIONS, duration=1.5, process={})
     run = table.record(table.Table(), seed=2, conditions=conditions)

@@ -10,7 +10,7 @@ import pytest
 
 from backsight.data.generators import actuator, drillstring, five_bar, quadrotor, xy_table
 from backsight.estimation import Free, Problem, Recording
-from backsight.estimation.smoothing.approach import REACH, TIGHTEST, TRUST, Approach, _near, approach
+from backsight.estimation.smoothing.approach import TIGHTEST, Approach, approach
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.estimation.smoothing.program import Program
@@ -115,13 +115,3 @@ def test_a_model_that_lacks_a_strong_force_stops_before_it_bends_to_the_samples(
     recording = Recording(name="sprung", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
     problem = Problem(model=PLANTS["actuator"](), recordings=[recording], parameters={p: Free(20.0, min=0.0) for p in FREE["actuator"]})
     assert approached(problem).share > TIGHTEST
-
-
-def test_no_parameter_leaves_the_reach_of_its_first_guess_on_the_way_nor_its_own_bounds():
-    problem, _ = problem_of("actuator", actuator, 1.0, 11)
-    wide = replace(problem, parameters={"carriage.m": Free(60.0, min=0.0), "friction.d": Free(100.0, 90.0, 2000.0, std=5.0)})
-    near = _near(wide).parameters
-    assert near["carriage.m"] == Free(60.0, 60.0 / REACH, 60.0 * REACH, std=TRUST * 60.0)
-    assert near["friction.d"] == wide.parameters["friction.d"]  # the user says how near it is
-    nothing = replace(problem, parameters={"offset.f": Free(0.0)})
-    assert _near(nothing).parameters["offset.f"].min == -np.inf

@@ -91,6 +91,7 @@ def test_likelihood_and_criteria_are_those_of_hubers_density(share):
     assert (squares.log_likelihood > c.log_likelihood) == (share == 0.0)
 
 
+@pytest.mark.slow
 def test_the_evidence_with_hubers_density_is_the_integral_over_the_parameter():
     r = recorded(2, share=0.05, size=20.0)
     c = known_but(r, offset_f=Free(0.5, std=2.0)).criteria
@@ -102,6 +103,7 @@ def test_the_evidence_with_hubers_density_is_the_integral_over_the_parameter():
     assert c.log_evidence == pytest.approx(integral, abs=0.25)
 
 
+@pytest.mark.slow
 def test_outliers_raise_no_alarm_about_the_noise_and_one_that_is_too_small_still_does():
     z, promised = [], []
     for seed in range(6):

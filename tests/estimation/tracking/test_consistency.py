@@ -14,6 +14,7 @@ RARE = 1e-4  # chance that a sound estimator fails one of these
 RUNS = {"actuator": (4, 400), "five_bar": (3, 200)}  # seeds and rows
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["plain", "defective"])
 @pytest.mark.parametrize("plant", RUNS)
 def test_errors_are_as_large_as_stated(plant: str, what: str) -> None:
@@ -37,6 +38,7 @@ def test_gross_errors_are_left_out_and_hardly_cost_anything() -> None:
     assert last[1] < last[0] + 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["actuator", "five_bar"])
 def test_a_parameter_that_jumps_by_a_third_is_found_again_within_its_stated_deviation(plant: str) -> None:
     run = tracking.follow(plant, 0, "jump", 50)

@@ -145,6 +145,7 @@ def test_a_force_that_is_said_to_be_far_too_small_is_found():
     assert without(knobs, best, 0) < 1e-6
 
 
+@pytest.mark.slow
 def test_over_thirty_seeds_the_stds_are_right_and_their_intervals_hold_what_they_promise():
     scores, errors = [], []
     for seed in range(30):
