@@ -113,8 +113,7 @@ class _Channel:
 
     def slow(self, interval: float, duration: float, held: bool) -> list[Candidate]:
         """Lag and delay; held: whether values are held from row to row."""
-        times = tuple(float(t) for t in np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES))
-        start = (interval, interval / 50, duration)
+        times, start = _times(interval, duration)
         return [
             self.shaped("lag", Lag(tau=interval), "tau", start, [(t, _by(lagged, t, held)) for t in times]),
             self.shaped("delay", Delay(delay=interval), "delay", start, [(t, _by(late, t, held)) for t in times]),
@@ -142,8 +141,8 @@ def of_input(model: Model, name: str, values: Sequence[Array], interval: float, 
 def of_alike(model: Model, names: Sequence[str], interval: float, duration: float) -> list[Candidate]:
     """What inputs of parts of one kind may do all together, as what they come from does: they lag, or are late."""
     found = list[Candidate]()
-    times = tuple(float(t) for t in np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES))
-    places, sizes = tuple(f"input:{name}" for name in names), (interval, interval / 50, duration)
+    times, start = _times(interval, duration)
+    places = tuple(f"input:{name}" for name in names)
     blocks: tuple[tuple[type[Component], str, str, Callable[..., Array]], ...] = (
         (Lag, "lag", "tau", lagged),
         (Delay, "delay", "delay", late),
@@ -160,7 +159,7 @@ def of_alike(model: Model, names: Sequence[str], interval: float, duration: floa
                 family="actuator",
                 physics=f"input_{fault}",
                 edits=(Alike(parts=parts, parameter=path, word=word, value=interval),),
-                start={path: sizes},
+                start={path: start},
                 named={word: path},
                 signals=tuple(Signal(of=places, changed=_by(changed, t, True), start={path: t}) for t in times),
             )
@@ -217,6 +216,12 @@ class _Turned:
         )
         more = ((measured.variable, f"{self.name}.u_1"), (other.variable, f"{self.name}.u_2"))
         return replace(grown, connections=(*grown.connections, *more))
+
+
+def _times(interval: float, duration: float) -> tuple[tuple[float, ...], tuple[float, float, float]]:
+    """Lags and delays that are looked at, and guess, least and largest of a fit."""
+    times = np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES)
+    return tuple(float(t) for t in times), (interval, interval / 50, duration)
 
 
 def _by(change: Callable[..., Array], t: float, held: bool) -> Callable[[Array, Array], Array]:

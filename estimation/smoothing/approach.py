@@ -89,6 +89,7 @@ def approach(
     rng, found, strain = np.random.default_rng(0), list[Approach](), BENT if hidden else STRAINED
     if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
         return _ended(way, laws, parameters, own)
+    soft = softened(near) if hidden else near
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
         if number:
@@ -96,7 +97,7 @@ def approach(
             for i in problem.free:
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
         begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
-        found.append(_descent(softened(near) if hidden else near, begun, laws, start, share, least, telling, say, strain))
+        found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain))
         if found[-1].share <= NEAR:
             break
     return _ended(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters, own)
@@ -117,9 +118,9 @@ def _from_search(
     begun = sought(near, followed, laws, parameters, say)
     if begun is None:
         return None
-    found, count = list[Approach](), _count(followed)
+    found, count, soft = list[Approach](), _count(followed), softened(near)
     for share in DRIVEN:
-        way = _descent(softened(near), begun[0], laws, begun[1], share, least, (), say)
+        way = _descent(soft, begun[0], laws, begun[1], share, least, (), say)
         if way.share <= TIGHTEST and 2 * way.cost <= (1.0 + STRAINED) * count:
             found.append(way)
         if found and 2 * way.cost <= CLEAN * count:
