@@ -44,6 +44,7 @@ def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis(
     assert low / 1.1 < 1e-6 < 1.1 * high
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
 def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
     examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
@@ -53,6 +54,7 @@ def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
     assert words[0] == "estimated"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
 def test_the_bit_of_the_readme_is_followed(capsys):
     examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
@@ -64,6 +66,7 @@ def test_the_bit_of_the_readme_is_followed(capsys):
 TUTORIAL = README.parent / "models" / "TUTORIAL.md"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not TUTORIAL.exists(), reason="the tutorial lies beside the models in a checkout only")
 def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -210,6 +210,12 @@ class Candidate:
         return model
 
     @property
+    def brought(self) -> list[str]:
+        """Names of the components that come in."""
+        parts = [part for e in self.edits for part in (e.parts if isinstance(e, Alike) else (e,))]
+        return [part.name for part in parts if isinstance(part, Insert)]
+
+    @property
     def units(self) -> dict[str, str]:
         """Parameter of a component that it brings -> its unit."""
         return {path: unit for e in self.edits for path, unit in e.units.items()}

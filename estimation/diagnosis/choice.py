@@ -8,6 +8,7 @@ from math import inf
 
 from ..results import Smoothing
 from .candidates import Candidate
+from .offsets import PREFIX, counted_out
 from .refit import Fitted
 from .screen import SURE, Screen, Screened
 from .shares import FLOOR, Sizes
@@ -50,6 +51,13 @@ def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str
     """Friction that may hold a body of which no output tells: a model without it has no such phases, and so no score of them."""
     there = [s for s in found.found if s.candidate.place in unseen and s.candidate.physics in HOLDING]
     return [s for s in there if s.candidate.key not in {o.candidate.key for o in worth}]
+
+
+def steady(result: Smoothing, candidates: Sequence[Candidate], sizes: Sizes) -> list[Candidate]:
+    """Components that stand for the offsets which stay (`offsets.py`), where one of these is as large as matters."""
+    _, stay = counted_out(result)
+    large = {n for n in stay if abs(result.parameters[n].value) > FLOOR * sizes.varying.get(n.removeprefix(PREFIX), inf)}
+    return [c for c in candidates if large & set(c.absorbs)]
 
 
 def coloured(result: Smoothing) -> bool:

@@ -25,6 +25,7 @@ from ..smoothing.unseen import unseen_states
 from ..workers import workers
 from .keep import Keep
 from .mismatch import mismatches
+from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
 from .refit import HELD, QUICKLY
 from .search import Progress, Search
@@ -59,17 +60,19 @@ def diagnose(
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
     with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
-        first, settings = _base(posed, kept, say)
-        search = Search(problem=posed, model=problem.model, result=first, say=say, pool=pool, kept=kept, settings=settings, end=end)
+        steadied = with_offsets(posed)
+        first, settings = _base(steadied, kept, say)
+        search = Search(problem=steadied, model=problem.model, result=first, say=say, pool=pool, kept=kept, settings=settings, end=end)
         search.run()
-    verdict = search.verdict()
+    verdict, first = search.verdict(), without_offsets(first)
     notes = [split] if split else []
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out = None
     if search.findings and search.model is not problem.model:
         say("proof on what was held out")
-        pair = (replace(posed, recordings=recordings), first), (replace(search.problem, recordings=recordings), search.result)
+        repaired = replace(search.problem, recordings=recordings), at_nothing(search.result)
+        pair = (replace(posed, recordings=recordings), first), repaired
         try:
             held_out = prove(*pair, role="held_out" if split is None else "last third", progress=say)
         except (SolveError, InputError) as error:
@@ -78,8 +81,8 @@ def diagnose(
         verdict=verdict,
         findings=tuple(search.findings),
         before=first,
-        after=search.result,
-        repaired=replace(search.problem, model=search.model, recordings=recordings),
+        after=without_offsets(search.result),
+        repaired=replace(search.problem, model=search.model, parameters=own_of(search.problem), recordings=recordings),
         held_out=held_out,
         undetectable=tuple(search.undetectable),
         tried=tuple(search.tried),

@@ -12,9 +12,10 @@ from backsight.models.mechanics import planar, spatial
 from backsight.models.mechanics.spatial.rotation import Vector, velocities
 
 from .candidates import Alike, Candidate, Exchange, Insert
+from .offsets import PREFIX
 from .places import free_name
 
-FORCES = ("f_x", "f_y", "f_z")
+FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
 
 class LinearDrag(spatial.LinearDrag):
@@ -58,8 +59,8 @@ def _tilted(world: str) -> Candidate:
 
 
 def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[Candidate]:
-    words = ("linear_drag", "quadratic_drag", "constant_force", "coupling")
-    drag, square, wind, off = (free_name(model, f"{word}_{body}") for word in words)
+    words = ("linear_drag", "quadratic_drag", "constant_force", "constant_torque", "coupling")
+    drag, square, wind, torque, off = (free_name(model, f"{word}_{body}") for word in words)
     mass = max(component.parameters["m"], 1e-9)
     return [
         Candidate(
@@ -87,6 +88,15 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             edits=(Insert(place=body, component=spatial.ConstantBodyForce(), name=wind),),
             strengths=tuple(f"{wind}.{f}" for f in FORCES),
             named={f: f"{wind}.{f}" for f in FORCES},
+        ),
+        Candidate(
+            place=body,
+            family="external",
+            physics="constant_force",
+            edits=(Insert(place=body, component=spatial.ConstantBodyForce(), name=torque),),
+            strengths=tuple(f"{torque}.{tau}" for tau in TORQUES),
+            absorbs={f"{PREFIX}{body}.{tau}": f"{torque}.{tau}" for tau in TORQUES},
+            named={tau: f"{torque}.{tau}" for tau in TORQUES},
         ),
         Candidate(
             place=body,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +29,8 @@ HEARD = 4.0  # mean square of a reading over that of its noise: of less a gain w
 UNITS = ("N", "N.m")
 
 
-def library(problem: Problem, model: Model, solution: Solution) -> list[Candidate]:
-    """All candidates of a model, for how it moved in a solution."""
+def library(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
+    """All candidates of a model, for how it moved in a solution. brought: its components that were candidates themselves."""
     found = list[Candidate]()
     dae = solution.transcription.dae
     motions, values = _Motions(solution), dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
@@ -64,7 +64,7 @@ def library(problem: Problem, model: Model, solution: Solution) -> list[Candidat
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
         found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, angle=units[name] == "rad")
-    return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters)
+    return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters, brought)
 
 
 def _heard(horizons: Sequence[Horizon], output: int) -> float:
@@ -127,14 +127,14 @@ def _kinematic(model: Model) -> list[Candidate]:
     return found
 
 
-def _fixed(problem: Problem, model: Model, dae: Dae, values: Array) -> list[Candidate]:
-    """Every parameter that was taken for known."""
+def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Collection[str]) -> list[Candidate]:
+    """Every parameter of the machine that was taken for known."""
     measured = {o.variable.partition(".")[0] for o in model.measured.values()}
     found = []
     for info, value in zip(dae.parameters, values, strict=True):
         owner = info.name.partition(".")[0]
         given = problem.parameters.get(info.name)
-        if isinstance(given, Free) or info.smoothing or value == 0 or owner in measured or info.unit == "rad":
+        if isinstance(given, Free) or info.smoothing or value == 0 or owner in {*measured, *brought} or info.unit == "rad":
             continue
         if given is None and not _told(info.name, model):
             continue

@@ -26,6 +26,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import OutOfTime, smooth
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
+from .offsets import counted_out, with_those_of
 from .screen import Screened
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -74,7 +75,7 @@ def evidence(problem: Problem, result: Smoothing) -> float:
         if isinstance(given, Free) and given.std is None and found is not None and found.std and not found.on_bound:
             size = abs(info.nominal) or abs(info.value) or 1.0
             total += float(np.log(size / found.std) - 0.5 * np.log(2.0 * np.pi * c.samples))
-    return total
+    return total + counted_out(result)[0]
 
 
 def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[str, float]) -> tuple[Problem, Model]:
@@ -82,7 +83,7 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
     edited = candidate.edited(model)
     parameters: dict[str, Free | float] = dict(problem.parameters)
     places = [name for name in problem.weights.W if name in {p.name for p in compile_model(edited).dormant_places}]
-    dae = compile_model(edited, places=places) if places else compile_model(edited)
+    dae = with_those_of(problem, compile_model(edited, places=places) if places else compile_model(edited))
     info = {p.name: p for p in dae.parameters}
     for base in candidate.absorbs:
         if base in info:
@@ -102,7 +103,8 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
     """Where the fit of a candidate starts, by its score and the base model's parameters."""
     start = {name: guess for name, (guess, _, _) in candidate.start.items()}
     if screened is None:
-        return start
+        taken = {name: values[base] for base, names in candidate.absorbs.items() if values.get(base) for name in names.split()}
+        return taken | start
     start |= screened.look.shape
     if candidate.signals:
         return start

@@ -19,9 +19,10 @@ from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from .candidates import Candidate
-from .choice import RIVAL, SAME, chosen, coloured, held_unseen, sound
+from .choice import RIVAL, SAME, chosen, coloured, held_unseen, sound, steady
 from .keep import Keep
 from .library import library
+from .offsets import PREFIX, counted_out, without_idle
 from .refit import QUICKLY, Fitted, begun, evidence, fitted_there, hidden, settled
 from .regimes import Regime, regime
 from .score import Linearised
@@ -85,7 +86,7 @@ class Search:
             if self.result.solution is None:
                 raise ValueError("a smoothed model has its solution")
             base = Linearised(self.result.solution)
-            candidates = library(self.problem, self.model, base.solution)
+            candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
             looks = looked_at(self.problem, self.model, base, candidates)
             found = screen(base, looks)
             sizes = Sizes(self.problem, self.result, base)
@@ -97,7 +98,7 @@ class Search:
     def _weighed(self) -> bool:
         """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these."""
         self.say("weights from the data")
-        problem, left = settled(self.problem, self.result), self.end - time.time()
+        problem, left = without_idle(settled(self.problem, self.result), self.result), self.end - time.time()
         name = self.kept.name(repr(("weighed", [f.change for f in self.findings])))
         settings = replace(QUICKLY, seconds=max(left, 0.0) / 2)
         found = self.kept.smoothed(name, partial(smooth, problem, settings=settings, begin=self.result.solution, progress=self.say))
@@ -120,6 +121,12 @@ class Search:
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
         good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and sound(c, f)]
+        if not good and (constant := steady(self.result, candidates, sizes)):
+            last = self._fits([(c, None) for c in constant])
+            now += counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
+            self._remember(last, now)
+            fits += last
+            good = [(c, s, f) for c, s, f in last if f.evidence - now > CLEAR and sound(c, f)]
         if not good:
             return False
         best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, f[0].size, -f[2].evidence))
@@ -284,4 +291,4 @@ def _change(c: Candidate, result: Smoothing | None) -> list[str]:
     said = [edit.words for edit in c.edits]
     values = {} if result is None else {p: result.parameters[p].value for p in c.named.values() if p in result.parameters}
     said += [f"{name} = {value:.6g}" for name, value in values.items()]
-    return said + [f"{name} = 0" for name in c.absorbs]
+    return said + [f"{name} = 0" for name in c.absorbs if not name.startswith(PREFIX)]

@@ -26,6 +26,7 @@ from ..smoothing.along import along
 from ..smoothing.begun import followed_by
 from ..supposed import lean
 from .candidates import Candidate, Signal
+from .offsets import with_those_of
 from .score import Columns, Enlarged, Linearised
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -109,7 +110,7 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
             edited = model
             for c in some:
                 edited = c.edited(edited)
-            dae = _lean(problem, compile_model(edited, places=_extra(problem)))
+            dae = _lean(problem, with_those_of(problem, compile_model(edited, places=_extra(problem, model))))
         except ModelError:
             return None
         return dae if [q.name for q in dae.states] == own else None
@@ -127,12 +128,10 @@ def _lean(problem: Problem, dae: Dae) -> Dae:
     return lighter.dae
 
 
-def _extra(problem: Problem) -> list[str]:
+def _extra(problem: Problem, model: Model) -> list[str]:
     """Laws whose residual force the study asks for."""
-    if isinstance(problem.model, Dae):
-        return []
-    plain = compile_model(problem.model)
-    return [name for name in problem.weights.W if name in {p.name for p in plain.dormant_places}]
+    dormant = {p.name for p in compile_model(model).dormant_places}
+    return [name for name in problem.weights.W if name in dormant]
 
 
 def _values(dae: Dae, solution: Solution) -> Array:

@@ -23,9 +23,8 @@ def softened(problem: Problem) -> Problem:
     New places come after the model's own, so that the indices of these stay.
     """
     dae = problem.dae
-    exact = {row for _, _, row in dae.kinematics}
-    bare = [r for r, e in enumerate(dae.equations) if e.place is None and e.shaped is None and r not in exact]
-    if not bare or not _bent(dae, bare):
+    bare = bare_rows(dae)
+    if not bare:
         return problem
     w = [ca.SX.sym(f"w_{r}") for r in bare]
     residual, equations, places = ca.SX(dae.residual), list(dae.equations), list(dae.places)
@@ -39,6 +38,9 @@ def softened(problem: Problem) -> Problem:
     return replace(problem, model=soft)
 
 
-def _bent(dae: Dae, rows: list[int]) -> bool:
+def bare_rows(dae: Dae) -> list[int]:
+    """Rows without a residual force, but for rates of positions; none where all of them are linear in what moves."""
+    exact = {row for _, _, row in dae.kinematics}
+    bare = [r for r, e in enumerate(dae.equations) if e.place is None and e.shaped is None and r not in exact]
     moving = ca.vertcat(dae.dx, dae.x, dae.z)
-    return bool(ca.depends_on(ca.jacobian(dae.residual[rows], moving), moving))
+    return bare if ca.depends_on(ca.jacobian(dae.residual[bare], moving), moving) else []

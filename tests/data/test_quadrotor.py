@@ -119,6 +119,7 @@ def test_a_force_of_the_caller_acts_in_body_axes_and_is_felt_by_the_acceleromete
     assert run.truth["clean.ay"] == pytest.approx(np.full(50, 0.2), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_flight_excites_all_axes_and_stays_near_where_it_began() -> None:
     run = record(seed=3)
     assert all(run.truth[f"body.{rate}"].std() > 0.3 for rate in ("p", "q", "r"))

@@ -81,6 +81,7 @@ def recording() -> Recording:
     )
 
 
+@pytest.mark.slow
 def test_the_base_parameters_of_the_five_bar_come_back_from_guesses_three_times_off():
     factors = dict(zip(TRUE, (3.0, 0.4, 2.5, 0.5, 0.6, 2.0), strict=True))
     free = {name: Free(factors[name] * value, min=1e-6) for name, value in TRUE.items()}

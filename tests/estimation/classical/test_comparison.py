@@ -38,6 +38,7 @@ def table():
     return compare(problem(), [prediction_error, wrong, partial(filtered_least_squares, cutoff=6.0), partial(harmonic, frequency=0.01)])
 
 
+@pytest.mark.slow
 def test_every_method_has_a_row_with_its_parameters_and_deviations(table):
     assert list(table.index) == ["smooth", "prediction_error", "filtered_least_squares", "filtered_least_squares (2)", "harmonic"]
     for method in ("smooth", "prediction_error"):
@@ -58,6 +59,7 @@ def test_a_method_that_does_not_apply_says_why_in_its_row(table):
     assert table.loc["smooth", "note"] == ""
 
 
+@pytest.mark.slow
 def test_results_that_are_there_are_taken_as_they_are():
     given = problem()
     bare = [replace(r, inputs={"F": r.inputs["F"]}) for r in given.recordings]

@@ -66,6 +66,7 @@ def test_decimation_changes_little_where_nothing_lies_beyond_it():
         assert few[name].value == pytest.approx(all_[name].value, rel=0.02, abs=0.03)
 
 
+@pytest.mark.slow
 def test_several_recordings_are_fitted_together():
     one, two = (
         Recording(name=n, time=r.time, inputs=r.inputs, outputs=r.outputs) for n, r in zip("ab", (recorded(6), recorded(7)), strict=True)

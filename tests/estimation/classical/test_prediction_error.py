@@ -44,6 +44,7 @@ def test_uneven_steps_and_missing_samples_are_taken_as_they_are():
     assert found.fit["thin"]["x"].rms < 1e-6
 
 
+@pytest.mark.slow
 def test_segments_take_up_what_drives_the_plant_unseen():
     """Under a random force a whole simulation strays; from several starts it does not, and the parameters are nearer."""
     problem = Problem(model=OSCILLATOR, recordings=[recorded(3, force_std=1.0, noise=1e-3)], parameters=FREE)
@@ -87,6 +88,7 @@ def test_a_recording_of_a_few_rows_is_refused():
         prediction_error(Problem(model=OSCILLATOR, recordings=[short], parameters=FREE))
 
 
+@pytest.mark.slow
 def test_friction_that_sticks_is_found_from_a_motion_that_sticks():
     """m v' = F - f_c sgn(v), every step solved in closed form until it stops: true rest, no rounding."""
     rng, n, h, mass, f_c = np.random.default_rng(6), 600, 0.01, 95.0, 20.0

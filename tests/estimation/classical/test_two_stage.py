@@ -84,6 +84,7 @@ def test_a_short_autoregression_stands_for_a_long_impulse_response():
     assert "First stage (fir, 60 coefficients)" in fir.notes[0]
 
 
+@pytest.mark.slow
 def test_without_noise_it_is_the_direct_method():
     rng, n = np.random.default_rng(1), 700
     a, F = np.exp(-D / M * STEP), np.repeat(rng.normal(size=n // 5), 5)

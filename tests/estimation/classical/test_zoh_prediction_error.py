@@ -67,6 +67,7 @@ def drilled(seed: int, n: int = 1200) -> Recording:
     return Recording(name="drill", time=h * np.arange(n), inputs={"V": V}, outputs={"I_m": y})
 
 
+@pytest.mark.slow
 def test_string_and_bit_are_found_from_voltage_and_current():
     """k_s, J_b, B_b and the friction of the bit (KSEPL 1992, tables 4 and 5: k_s to 7 % and J_b to 6 % there), each within 4 deviations."""
     free = {"string.k": Free(0.12), "bha.J": Free(0.08), "bha.d": Free(0.003), "bit.tau_sl": Free(0.6)}

@@ -61,6 +61,7 @@ def test_the_study_is_written_with_its_settings_and_its_recommendation(study, ca
     assert not (study.parent / ".axis_weighed.settings").exists()
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_goes_on(study):
     code = "import sys; from backsight.estimation.command.cli import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", code, "weigh", str(study), "--out", str(study.parent / "again")]

@@ -121,6 +121,7 @@ def test_an_amplifier_that_cuts_off_is_the_input():
     assert limit.value == pytest.approx(170.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_encoder_that_lags_is_the_sensor():
     made = run(2.0, STEP)
     x, a = made.truth["carriage.s"], float(np.exp(-STEP / 0.008))

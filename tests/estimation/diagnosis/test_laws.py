@@ -50,6 +50,7 @@ def grown(plant: str) -> tuple:
     return base, whole, used
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["actuator", "xy_table", "drillstring", "five_bar"])
 def test_without_strength_all_of_them_together_change_nothing(plant):
     base, whole, used = grown(plant)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from concealed_axis import posed, run, smoothed
@@ -68,3 +70,18 @@ def test_a_candidate_says_what_it_is(axis):
     assert by["carriage", "cogging"].size == 3
     assert compliance.dear
     assert by["input:F", "input_lag"].sent.signals == ()
+
+
+def test_numbers_of_components_that_candidates_brought_are_no_suspects():
+    problem = posed(run(0.3), carriage__m=Free(90.0))
+    heavier = next(c for c in library(problem, problem.model, smooth(problem).solution) if c.key == ("carriage", "added_mass"))
+    now = heavier.edited(problem.model)
+    grown = replace(problem, model=now, parameters={**problem.parameters, **dict.fromkeys(heavier.strengths, 2.0)})
+    solution = smooth(grown).solution
+    (name,) = heavier.brought
+
+    def suspects(brought) -> set:
+        return {s.partition(".")[0] for c in library(grown, now, solution, brought) if c.physics == "wrong_parameter" for s in c.strengths}
+
+    assert name in suspects(())
+    assert name not in suspects({name})

@@ -121,6 +121,7 @@ def test_scores_of_laws_with_shapes_and_phases_are_those_of_dense_least_squares(
     assert scores.plain == pytest.approx([np.sum(s**2) for s, _ in effects], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_dense_least_squares_where_equations_hold_exactly():
     made = five_bar.record(seed=1, conditions=replace(five_bar.CONDITIONS, duration=0.12))
     recording = Recording(name="arm", time=made.time, inputs=made.inputs, outputs=made.outputs, output_std=made.noise)

@@ -221,6 +221,7 @@ def test_a_recording_may_begin_while_the_bit_slips(first, slips):
         assert left(np.zeros(len(true))) > left(true) + 0.08
 
 
+@pytest.mark.slow
 def test_pieces_too_short_to_drive_anything_are_no_hindrance():
     rows = np.r_[0:4, 10:700, 720:724, 800:1500]
     problem = drilling({"string.k": 1.5, "bha.J": 1.5}, rows=rows)

@@ -29,6 +29,7 @@ def solved(seed: int):
     return recording, smooth(report.posed(recording))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_it_converges_from_the_reports_initial_values_to_parameters_within_their_deviations(seed):
     _, result = solved(seed)

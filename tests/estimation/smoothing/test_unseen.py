@@ -36,6 +36,7 @@ def recorded(seed: int) -> tuple[Recording, np.ndarray]:
     return Recording(name="run", time=t, inputs={"tau": torque}, outputs={"phi": noisy}, output_std={"phi": NOISE}), x[:, 2]
 
 
+@pytest.mark.slow
 def test_a_torque_in_another_unit_scales_the_parameters_and_no_force_takes_over_the_noise():
     """Guesses of a machine a thousand times as strong: what they call no force at all would explain every sample."""
     recording, _ = recorded(0)

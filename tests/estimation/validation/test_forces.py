@@ -29,6 +29,7 @@ def test_the_map_from_prediction_errors_to_smoothed_noises_is_that_of_the_solver
     assert pytest.approx(rows, abs=1e-3 * np.abs(rows).max()) == smoothed_noises(run, left[:, None])[:, :, 0].T
 
 
+@pytest.mark.slow
 def test_white_forces_are_rejected_as_often_as_the_level_says():
     """100 records; four binomial deviations, and uniform by Kolmogorov and Smirnov at 1e-3."""
     first, p = problem(record(0), parameters=FREE)[1], []

@@ -158,6 +158,7 @@ def test_over_thirty_seeds_the_stds_are_right_and_their_intervals_hold_what_they
     assert 0.7 < np.std(scores) < 1.3
 
 
+@pytest.mark.slow
 def test_a_force_that_is_there_is_found_and_one_that_is_not_is_called_none():
     moving = np.ones(2, dtype=bool)
     _, knobs = posed(simulated(4))

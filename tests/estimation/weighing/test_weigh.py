@@ -67,6 +67,7 @@ def test_weights_that_are_a_hundred_times_off_end_where_the_others_do(found):
     assert ahead[0] == pytest.approx(ahead[1], rel=0.02)
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_same_and_what_is_kept_is_not_solved_again(found, tmp_path):
     keep = tmp_path / "kept"
     side_by_side = weigh(problem(), jobs=2, keep=keep)
