@@ -1,7 +1,7 @@
 # make demo    the built-in study, end to end: what does its model leave out? Its report is demo_out/report.html
 # make prove   concealed cases of all plants, diagnosed blind, and the scorecard (hours; prove_out/ keeps what is done)
-# make test    lint, types, tests with coverage, then the tests again on the built wheel
-# make lint | types | unit | wheel | bench | lock | clean
+# make test    lint, types, tests, then the quick ones again on the built wheel
+# make lint | types | unit | cover | wheel | bench | lock | clean
 #
 # Needs make and Python 3.11 or newer; everything else is installed into .venv, at the versions of requirements.lock.
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
@@ -20,7 +20,7 @@ CANDIDATES := python3.13 python3.12 python3.11 python3.14 python3 python
 PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	if $$p -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then command -v $$p; break; fi; done)
 
-.PHONY: help demo test lint types unit wheel bench prove lock clean
+.PHONY: help demo test lint types unit cover wheel bench prove lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -39,6 +39,10 @@ types: $(VENV)/.installed
 	$(BIN)/mypy
 
 unit: $(VENV)/.installed
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40
+
+# Which lines and branches the tests pass.
+cover: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --cov --cov-report=term:skip-covered
 
 # The tests once more, against the wheel in an environment without the checkout: what is missing from the package list fails here.

@@ -17,14 +17,18 @@ ORDER = ("parameter", "sensor", "actuator")  # families that explain before phys
 
 @dataclass(frozen=True, kw_only=True)
 class Insert:
-    """A component at a place (`Model.insert`)."""
+    """A component at a place (`Model.insert`). joined: pairs of signals to connect."""
 
     place: str
     component: Component
     name: str
+    joined: tuple[tuple[str, str], ...] = ()
 
     def __call__(self, model: Model) -> Model:
-        return model.insert(self.place, self.component, self.name)
+        edited = model.insert(self.place, self.component, self.name)
+        for a, b in self.joined:
+            edited = edited.connect(a, b)
+        return edited
 
     @property
     def words(self) -> str:
@@ -83,14 +87,13 @@ class Rebuild:
 class Alike:
     """Several parts of one kind, edited alike, with one parameter of the model for all of them.
 
-    parameter: its name, and its value there. word: what it is in each of the parts. joined: pairs of signals to connect.
+    parameter: its name, and its value there. word: what it is in each of the parts.
     """
 
     parts: tuple[Insert | Exchange, ...]
     parameter: str
     word: str
     value: float
-    joined: tuple[tuple[str, str], ...] = ()
 
     def __call__(self, model: Model) -> Model:
         for part in self.parts:
@@ -100,7 +103,6 @@ class Alike:
             model,
             parameters={**model.parameters, self.parameter: replace(self._declared(), default=self.value)},
             bindings={**model.bindings, **bound},
-            connections=(*model.connections, *self.joined),
         )
 
     @property

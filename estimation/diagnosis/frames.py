@@ -128,8 +128,9 @@ def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list
     exchanged = tuple(Exchange(name=name, component=_spun_down(model, name)) for name in names)
     (body,) = (name for name, c in model.components.items() if isinstance(c, spatial.RigidBody))
     parts = tuple(
-        Insert(place=body, component=spatial.PropellerInertia(spin=spin), name=free_name(model, f"inertia_{name}"))
+        Insert(place=body, component=spatial.PropellerInertia(spin=spin), name=own, joined=((f"{name}.thrust", f"{own}.thrust"),))
         for name, spin in zip(names, spins, strict=True)
+        if (own := free_name(model, f"inertia_{name}"))
     )
     lag = Candidate(
         place=first,
@@ -149,15 +150,7 @@ def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list
             place=body,
             family="inertia",
             physics="rotor_inertia",
-            edits=(
-                Alike(
-                    parts=parts,
-                    parameter=inertia,
-                    word="J",
-                    value=0.0,
-                    joined=tuple((f"{name}.thrust", f"{part.name}.thrust") for name, part in zip(names, parts, strict=True)),
-                ),
-            ),
+            edits=(Alike(parts=parts, parameter=inertia, word="J", value=0.0),),
             strengths=(inertia,),
             one_sided=True,
             named={"J": inertia},

@@ -194,7 +194,7 @@ NAMES = {"f": "f", "tau": "f", "omega_s": "v_s", "J": "m"}  # words of component
 
 def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
     """The law at a place."""
-    component = _rounded(law.make(spot.kind), motion)
+    component = rounded(law.make(spot.kind), motion)
     name = free_name(model, f"{law.label or law.physics}_{spot.name}")
     words = (*law.strengths, "v_s", "period", "amplitude")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
@@ -234,7 +234,7 @@ def _wave(law: Law, spot: Spot) -> tuple[str, str] | None:
     return f"{physics}_{spot.name}.{TURNED.get(word, word) if turns else word}", f"{spot.name}.{'phi' if turns else 's'}"
 
 
-def _rounded(component: Component, motion: Motion) -> Component:
+def rounded(component: Component, motion: Motion) -> Component:
     """Its sign rounded as smoothing rounds those of the model, so that two laws of one kind are one."""
     declared = component.declared_parameters.get("width")
     if declared is None or not declared.smoothing or declared.unit not in VELOCITY_UNITS:

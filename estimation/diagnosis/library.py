@@ -19,6 +19,7 @@ from .channels import of_alike, of_input, of_sensor
 from .couplings import of_coupling, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, Motion, of_law
+from .loads import of_loads
 from .places import Spot, bodies, elements
 from .presliding import of_presliding
 
@@ -42,6 +43,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
+            found += of_loads(model, spot, motion)
             found += of_presliding(model, spot, motion, values) if spot.name in {p.name for p in dae.places} else []
     for spot in elements(model):
         motion = motions.of(spot)

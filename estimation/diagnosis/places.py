@@ -47,6 +47,11 @@ def neighbours(model: Model, flange: str) -> set[str]:
     return {end.partition(".")[0] for end in node(model, flange)}
 
 
+def grounded(model: Model, flange: str) -> bool:
+    """Whether the ground holds a flange."""
+    return bool(neighbours(model, flange) & set(_grounds(model)))
+
+
 def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[str]]:
     """Word -> parameters of that name of components at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
     found: dict[str, list[str]] = {}

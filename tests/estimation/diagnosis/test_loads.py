@@ -1,0 +1,88 @@
+"""Friction that grows with the load: which loads a body has, and a coefficient that comes back from a motion integrated step by step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from neutral import Point
+
+from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.diagnosis.laws import Motion
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.loads import loads, of_loads
+from backsight.estimation.diagnosis.places import bodies
+from backsight.estimation.diagnosis.refit import begun, evidence, fitted, settled
+from backsight.estimation.diagnosis.score import Linearised
+from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.models import compile_model
+from backsight.models.plants import PLANTS, actuator
+
+M, D, MU, NOISE = 80.0, 150.0, 0.12, 2e-6
+
+
+@pytest.mark.parametrize(
+    ("plant", "expected"),
+    [
+        ("actuator", {"carriage": ["motor.f"]}),
+        ("drillstring", {"rotary_table": ["string.tau"], "bha": ["string.tau"]}),
+        ("five_bar", {"joint_1": ["motor_1.tau"], "joint_2": ["motor_2.tau"]}),
+        ("xy_table", {"drive_1": ["spindle.tau"], "drive_2": ["spindle.tau"]}),
+    ],
+)
+def test_loads_are_of_what_drives_a_body_and_of_elements_at_it_but_of_no_friction(plant, expected):
+    model = PLANTS[plant]()
+    assert {spot.name: there for spot in bodies(model) if (there := loads(model, spot))} == expected
+
+
+def test_behind_a_soft_screw_the_screw_loads_the_carriage():
+    model = actuator("compliant")
+    assert {spot.name: loads(model, spot) for spot in bodies(model)} == {"motor_mass": ["motor.f", "screw.f"], "carriage": ["screw.f"]}
+
+
+@pytest.mark.parametrize("plant", ["actuator", "drillstring", "five_bar", "xy_table"])
+def test_without_strength_it_changes_nothing(plant):
+    model = PLANTS[plant]()
+    base, grown = compile_model(model), model
+    for spot in bodies(model):
+        for c in of_loads(model, spot, Motion(v_rms=1.0, low=0.0, high=1.0)):
+            grown = c.edited(grown)
+    whole = compile_model(grown)
+    point = Point(base, 0)
+    for a, b in zip(point.told(whole), point.told(), strict=True):
+        assert a == pytest.approx(b, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def loaded() -> tuple:
+    """m v' = F - d v - mu |F| sgn(v) in steps of a fiftieth of a row; F never rests, so that nothing sticks."""
+    rng, h, fine = np.random.default_rng(6), 1e-3, 50
+    t = h * np.arange(1500)
+    F = 60.0 * np.repeat(rng.standard_normal(150), 10)
+    s, v, x = 0.0, 0.0, np.zeros(len(t))
+    for k, force in enumerate(F):
+        x[k] = s
+        for _ in range(fine):
+            v += (force - D * v - MU * abs(force) * np.sign(v)) / M * h / fine
+            s += v * h / fine
+    recording = Recording(
+        name="axis", time=t, inputs={"F": F}, outputs={"x": x + NOISE * rng.standard_normal(len(t))}, output_std={"x": NOISE}
+    )
+    known = {"carriage.m": Free(100.0), "friction.d": Free(120.0), "friction.f_c": Free(1.0, min=0.0), "offset.f": 0.0}
+    problem = Problem(model=actuator(), recordings=[recording], parameters=known)
+    return problem, smooth(problem)
+
+
+def test_it_is_the_best_friction_there_and_its_coefficient_comes_back(loaded):
+    problem, result = loaded
+    base = Linearised(result.solution)
+    found = screen(base, looked_at(problem, problem.model, base, library(problem, problem.model, result.solution))).found
+    first = next(s for s in found if s.candidate.family == "friction")
+    assert first.candidate.physics == "load_dependent_friction"
+    assert first.estimate == pytest.approx([MU], rel=0.2)
+    start = begun(first.candidate, first, {p.name: p.value for p in result.parameters.values()})
+    fit = fitted(settled(problem, result), problem.model, result.solution, first.candidate, start)
+    mu = fit.result.parameters[first.candidate.strengths[0]]
+    assert abs(mu.value - MU) < 4 * mu.std
+    assert mu.std < 0.02 * MU
+    assert fit.evidence > evidence(problem, result) + 50
