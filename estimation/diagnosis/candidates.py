@@ -212,10 +212,20 @@ class Candidate:
         return model
 
     @property
+    def of_reading(self) -> bool:
+        """Whether its strength is a share of what sensors read."""
+        return self.physics in ("sensor_gain", "sensor_misalignment")
+
+    @property
     def brought(self) -> list[str]:
         """Names of the components that come in."""
         parts = [part for e in self.edits for part in (e.parts if isinstance(e, Alike) else (e,))]
         return [part.name for part in parts if isinstance(part, Insert)]
+
+    @property
+    def exchanged(self) -> list[str]:
+        """Names of the components that another one takes the place of."""
+        return [e.name for e in self.edits if isinstance(e, Exchange)]
 
     @property
     def units(self) -> dict[str, str]:

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from math import inf
 
+import numpy as np
+
 from ..results import Smoothing
 from .candidates import Candidate
 from .offsets import PREFIX, counted_out
@@ -29,7 +31,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     """
     worth = list[Screened]()
     for s in found.found:
-        if found.chance(s.gain) > SURE or beyond(s) or (s.candidate.family != "sensor" and not matters(s, sizes)):
+        if found.chance(s.gain) > SURE or beyond(s) or not matters(s, sizes):
             continue
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
@@ -87,7 +89,9 @@ def beyond(s: Screened) -> bool:
 
 
 def matters(s: Screened, sizes: Sizes) -> bool:
-    """Whether its force is half of the floor at least, by the score."""
+    """Whether its force is half of the floor at least, by the score; of a sensor, what share of a reading is wrong, the whole floor."""
+    if s.candidate.family == "sensor":
+        return not s.candidate.of_reading or float(np.abs(s.estimate).max()) > FLOOR
     return max(sizes.shares(s.look, s.estimate).values(), default=0.0) > FLOOR / 2
 
 

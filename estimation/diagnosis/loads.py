@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from backsight.models import Model
-from backsight.models.language import SignalInput
+from backsight.models.language import Signal, SignalInput, Variable
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
@@ -61,7 +61,7 @@ def _there(model: Model, spot: Spot, flange: str, seen: set[str]) -> Iterator[st
             for end in ends:
                 yield from _there(model, spot, end, seen)
             continue
-        told = {**component.declared_variables, **component.declared_signals}
+        told: dict[str, Variable | Signal] = {**component.declared_variables, **component.declared_signals}
         words = [word for word, v in told.items() if v.unit == UNITS[spot.kind]]
         if any(isinstance(told[word], SignalInput) for word in words) or len(ends) == 2:
             yield from (f"{name}.{word}" for word in words)

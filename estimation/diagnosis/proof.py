@@ -53,6 +53,7 @@ WHOLE = 0.25  # of the recording: a window longer than that is none
 WINDOWS = 100  # of a recording
 VAGUE = 1.2  # times the median deviation of a state: windows do not begin where a smoother knows less of it
 FEWEST = 0.1  # of the rows of a piece: where fewer are left windows begin anywhere
+GENTLY = (30.0, 5.0, 1.0)  # times the width of what is rounded, on the way of a smoothing that does not arrive at once
 SHARPER = 1e-3  # a friction law's width in the windows over that of smoothing
 SEEN = 1e-3  # of what other modes do to the outputs
 
@@ -108,9 +109,7 @@ class _Side:
             initial={name: k for name, k in problem.start.items() if k.always},
             bounds=problem.bounds,
         )
-        smoothed = smooth(fixed, settings=ROUGHLY, begin=None if begin is None else Begun.of(begin, fixed))
-        if begin is not None and not smoothed.solver.converged:
-            smoothed = smooth(fixed, settings=ROUGHLY)
+        smoothed = _smoothed(fixed, begin)
         if smoothed.solution is None or not smoothed.solver.converged:
             raise SolveError(f"what was held out could not be smoothed: {smoothed.solver.status.rstrip('.')}")
         return cls(fixed, smoothed, smoothed.solution)
@@ -204,6 +203,24 @@ def time_constant(side: _Side, places: int = 25) -> float:
         slow = [-1.0 / r.real for r, size in zip(rates, seen, strict=True) if -r.real * duration > 1.0 and size > SEEN]
         slowest += [max(slow)] if slow else []
     return float(np.median(slowest)) if slowest else np.inf
+
+
+def _smoothed(problem: Problem, begin: Solution | None) -> Smoothing:
+    """Smoothed from a solution by another model, from the samples, or at last with corners that are rounded less and less."""
+    smoothed = smooth(problem, settings=ROUGHLY, begin=None if begin is None else Begun.of(begin, problem))
+    if begin is not None and not smoothed.solver.converged:
+        smoothed = smooth(problem, settings=ROUGHLY)
+    widths = {
+        p.name: float(given) for p in problem.dae.parameters if p.smoothing and isinstance(given := problem.parameters[p.name], float)
+    }
+    if smoothed.solver.converged or not widths:
+        return smoothed
+    at: Solution | None = None
+    for factor in GENTLY:
+        rounded = {name: factor * width for name, width in widths.items()}
+        smoothed = smooth(replace(problem, parameters={**problem.parameters, **rounded}), settings=ROUGHLY, begin=at)
+        at = smoothed.solution
+    return smoothed
 
 
 def _windows(piece: Recording, spans: Sequence[float], known: NDArray[np.bool_]) -> tuple[Index, int]:

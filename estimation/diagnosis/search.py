@@ -206,15 +206,16 @@ class Search:
             ]
         acts = regime(base, s.look) if s is not None else Regime(words="whole record", onset=None)
         share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
-        gone = {name.partition(".")[0] for name in c.absorbs}
+        gone = {name.partition(".")[0] for name in c.absorbs} | set(c.exchanged)
         stay = [not {path.partition(".")[0] for path in old.named.values()} & gone for old in self.accepted]
+        whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [old for old, there in zip(self.findings, stay, strict=True) if there]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
         self.findings.append(
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
                 p_value=found.chance(s.gain) if s is not None else math.nan,
-                gain=float(f.evidence - now),
+                gain=float(f.evidence - now) + whole,
                 change="; ".join(_change(c, f.result)),
                 share=share,
                 regime=acts.words,

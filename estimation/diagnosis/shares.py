@@ -85,5 +85,7 @@ def _limit(s: Screened, sizes: Sizes, units: dict[str, str], least: float) -> Un
     share = max(sizes.shares(s.look, one).values(), default=0.0)
     if c.family != "sensor" and share > 0:
         strength = max(strength, FLOOR / share) if strength * share < BEYOND else inf
+    elif c.of_reading:
+        strength = max(strength, FLOOR)
     word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
     return Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=units.get(path, ""))

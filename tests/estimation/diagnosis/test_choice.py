@@ -11,9 +11,10 @@ from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.choice import beyond, coloured, held_unseen, simpler_there
+from backsight.estimation.diagnosis.choice import beyond, coloured, held_unseen, matters, simpler_there
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screen, Screened
+from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import Look
 
 
@@ -51,6 +52,16 @@ def test_a_strength_that_no_part_can_have_explains_nothing(estimate, out):
     s = replace(screened("p", "x", 9.0), estimate=np.array([estimate]))
     assert beyond(replace(s, look=replace(s.look, candidate=gain))) is out
     assert not beyond(s)  # nothing is said of its limits
+
+
+@pytest.mark.parametrize(
+    ("physics", "share", "is_something"),
+    [("sensor_gain", -0.02, True), ("sensor_misalignment", 0.005, False), ("sensor_bias", 0.005, True)],
+)
+def test_a_share_of_a_reading_below_the_floor_is_nothing_that_matters(physics, share, is_something):
+    s = replace(screened("sensor:x", physics, 20.0), estimate=np.array([share]))
+    sizes = Sizes.__new__(Sizes)  # of sensors no force is asked
+    assert matters(replace(s, look=replace(s.look, candidate=replace(s.candidate, family="sensor"))), sizes) is is_something
 
 
 @pytest.mark.parametrize(("friction", "told"), [(0.0, False), (20.0, True)])

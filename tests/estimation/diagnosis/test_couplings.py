@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backsight.estimation.diagnosis.couplings import of_coupling, place_of
+from backsight.estimation.diagnosis.couplings import of_coupling, of_soft, place_of
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import elements
 from backsight.models import compile_model, simulate
@@ -108,3 +108,11 @@ def test_what_is_no_rigid_coupling_or_has_no_mass_behind_it_is_left_alone():
     soft = actuator(screw="compliant")
     (screw,) = elements(soft)
     assert of_coupling(soft, screw, MOTION, {"carriage": 75.0, "motor_mass": 20.0}) == []
+
+
+def test_play_in_a_coupling_that_is_soft_already_takes_the_place_of_its_softness():
+    model = actuator("compliant")
+    (spot,) = (s for s in elements(model) if s.name == "screw")
+
+    for c in of_soft(model, spot, MOTION, {"carriage": 75.0}, {"screw.k": 4e6, "screw.d": 300.0}):
+        assert c.exchanged == (["screw"] if c.physics == "backlash" else [])
