@@ -34,6 +34,7 @@ from .verdict import Diagnosis
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
 PATIENT = Options(tolerance=1e-2, gauss_newton_iterations=100)  # a hundredth of a deviation is near enough, and friction is rough
 SEARCH = 840.0  # s, from the beginning to the end of the search
+PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out
 
 
 def diagnose(
@@ -74,7 +75,8 @@ def diagnose(
         repaired = replace(search.problem, recordings=recordings), at_nothing(search.result)
         pair = (replace(posed, recordings=recordings), first), repaired
         try:
-            held_out = prove(*pair, role="held_out" if split is None else "last third", progress=say)
+            left = seconds + PROOF - (time.perf_counter() - began)
+            held_out = prove(*pair, role="held_out" if split is None else "last third", seconds=left, progress=say)
         except (SolveError, InputError) as error:
             notes.append(f"What was held out could not be predicted: {error}")
     return Diagnosis(

@@ -15,6 +15,8 @@ blocks are so long that their means may count as independent: three integrated a
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,7 +36,7 @@ from ..smoothing.begun import Begun
 from ..smoothing.prediction import noise, of_one_more
 from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
-from ..smoothing.smoother import smooth
+from ..smoothing.smoother import OutOfTime, smooth
 from ..supposed import noisy_inputs
 from .blocks import block_gains, chance, mean
 from .verdict import Errors, HeldOut
@@ -59,18 +61,25 @@ SEEN = 1e-3  # of what other modes do to the outputs
 
 
 def prove(
-    before: Case, after: Case, recordings: Sequence[Recording] | None = None, *, role: str = "held_out", progress: Progress | None = None
+    before: Case,
+    after: Case,
+    recordings: Sequence[Recording] | None = None,
+    *,
+    role: str = "held_out",
+    seconds: float = math.inf,
+    progress: Progress | None = None,
 ) -> HeldOut:
     """Compare two fitted models on recordings, by default those of the problem `before` that are held out.
 
-    Raises SolveError where a recording cannot be smoothed with one of the models, or no window can be predicted with both.
+    Raises SolveError where a recording cannot be smoothed with one of the models, in `seconds` for all of them, or no window can be
+    predicted with both.
     """
-    say = progress or (lambda _: None)
+    say, end = progress or (lambda _: None), time.monotonic() + seconds
     given = [r for r in before[0].recordings if r.role == "held_out"] if recordings is None else list(recordings)
     sides = list[_Side]()
     for word, (problem, result) in (("base", before), ("repaired", after)):
         say(f"smoothing what was held out with the {word} model")
-        sides.append(_Side.of(problem, result, given, sides[0].solution if sides else None))
+        sides.append(_Side.of(problem, result, given, sides[0].solution if sides else None, end))
     spans = horizons(sides[1], given)
     pieces = [piece for r in given for piece in r.pieces]
     windows = [_windows(piece, spans, sides[0].known(n) & sides[1].known(n)) for n, piece in enumerate(pieces)]
@@ -90,10 +99,10 @@ class _Side:
     errors: Sequence[Array] = ()
 
     @classmethod
-    def of(cls, problem: Problem, result: Smoothing, recordings: Sequence[Recording], begin: Solution | None) -> _Side:
+    def of(cls, problem: Problem, result: Smoothing, recordings: Sequence[Recording], begin: Solution | None, end: float) -> _Side:
         """With the parameters, W and V of a fit; what every recording has of its own is one more of the values that were found.
 
-        begin: of the same recordings with the other model.
+        begin: of the same recordings with the other model. end: on the clock of `time.monotonic`.
         """
         seen = []
         for r in recordings:
@@ -109,7 +118,7 @@ class _Side:
             initial={name: k for name, k in problem.start.items() if k.always},
             bounds=problem.bounds,
         )
-        smoothed = _smoothed(fixed, begin)
+        smoothed = _smoothed(fixed, begin, end)
         if smoothed.solution is None or not smoothed.solver.converged:
             raise SolveError(f"what was held out could not be smoothed: {smoothed.solver.status.rstrip('.')}")
         return cls(fixed, smoothed, smoothed.solution)
@@ -205,11 +214,18 @@ def time_constant(side: _Side, places: int = 25) -> float:
     return float(np.median(slowest)) if slowest else np.inf
 
 
-def _smoothed(problem: Problem, begin: Solution | None) -> Smoothing:
+def _until(end: float) -> Settings:
+    left = end - time.monotonic()
+    if left <= 0:
+        raise OutOfTime("no time was left for it.")
+    return replace(ROUGHLY, seconds=min(ROUGHLY.seconds, left))
+
+
+def _smoothed(problem: Problem, begin: Solution | None, end: float) -> Smoothing:
     """Smoothed from a solution by another model, from the samples, or at last with corners that are rounded less and less."""
-    smoothed = smooth(problem, settings=ROUGHLY, begin=None if begin is None else Begun.of(begin, problem))
+    smoothed = smooth(problem, settings=_until(end), begin=None if begin is None else Begun.of(begin, problem))
     if begin is not None and not smoothed.solver.converged:
-        smoothed = smooth(problem, settings=ROUGHLY)
+        smoothed = smooth(problem, settings=_until(end))
     widths = {
         p.name: float(given) for p in problem.dae.parameters if p.smoothing and isinstance(given := problem.parameters[p.name], float)
     }
@@ -218,7 +234,7 @@ def _smoothed(problem: Problem, begin: Solution | None) -> Smoothing:
     at: Solution | None = None
     for factor in GENTLY:
         rounded = {name: factor * width for name, width in widths.items()}
-        smoothed = smooth(replace(problem, parameters={**problem.parameters, **rounded}), settings=ROUGHLY, begin=at)
+        smoothed = smooth(replace(problem, parameters={**problem.parameters, **rounded}), settings=_until(end), begin=at)
         at = smoothed.solution
     return smoothed
 
