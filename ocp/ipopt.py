@@ -73,7 +73,8 @@ class Options:
     tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
     estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
     drift: relative change of a parameter that the terms refer to beyond which a solve goes on from where it
-    arrived, max_passes times at most. seconds: of one call of Ipopt, which then ends as at a limit of iterations.
+    arrived, max_passes times at most. seconds: of one call of Ipopt, which then ends as at a limit of iterations. hopeless: cost above
+    which the second stage does not follow a first one that has not arrived.
     """
 
     tolerance: float = 1e-6
@@ -82,6 +83,7 @@ class Options:
     drift: float = 0.02
     max_passes: int = 6
     seconds: float = 1e20
+    hopeless: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ class Solver:
                 if sought.reached(here.reference[at], decisions[at]):
                     break
                 start[at] = np.clip(sought.next(), lower[at], upper[at])
-            elif status is Status.INTERRUPTED or exact or not newton:
+            elif status is Status.INTERRUPTED or exact or not newton or cost > self.options.hopeless:
                 break
             else:
                 exact = True

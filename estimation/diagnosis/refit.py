@@ -137,6 +137,8 @@ def fitted(
         now, edited = posed(problem, model, candidate, start)
         there, weighed = Begun.of(begin, now), now
         if not settings.weigh:
+            # at the same weights a model that holds another one costs no more
+            settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
             weighed, there = _loosely(with_weights_of(begin, now), there, candidate.place, settings)
         result = smooth(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -144,10 +146,10 @@ def fitted(
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)
 
 
-def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float) -> Fitted:
-    """`fitted` in a worker, of the pickled (problem, model, solution); `end`: on the clock of `time.time`."""
+def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:
+    """`fitted` in a worker, of the pickled (problem, model, solution), in a share of the time until `end` on the clock of `time.time`."""
     problem, model, solution = _shared(blob)
-    left = min(settings.seconds, end - time.time())
+    left = min(settings.seconds, share * (end - time.time()))
     if left <= 0:
         return Fitted(candidate=candidate, failed="no time was left", late=True)
     return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left))

@@ -37,6 +37,7 @@ Judged = tuple[Candidate, Screened | None, Fitted]
 CLEAR = 6.0  # nats of evidence that an effect has to bring
 EFFECTS = 4
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -143,10 +144,11 @@ class Search:
         before = repr((sorted(values.items()), [f.change for f in self.findings], self.settings.weigh))
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
+        open_ones = [(name, c.sent, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
+        shares = [max(LONGEST, 1.0 / (len(open_ones) - k + 1)) for k in range(len(open_ones))]
         futures = {
-            name: self.pool.submit(fitted_there, blob, c.sent, start, self.settings, self.end)
-            for name, (c, _), start in zip(names, wanted, starts, strict=True)
-            if name not in found
+            name: self.pool.submit(fitted_there, blob, c, start, self.settings, self.end, share)
+            for (name, c, start), share in zip(open_ones, shares, strict=True)
         }
         fits = list[Judged]()
         for (c, s), name in zip(wanted, names, strict=True):
