@@ -1,4 +1,4 @@
-"""The README keeps its word."""
+"""The README and the pages of the folders keep their word."""
 
 from __future__ import annotations
 
@@ -11,11 +11,18 @@ import pytest
 from backsight.estimation.command.cli import main
 
 README = Path(__file__).resolve().parent.parent / "README.md"
+ESTIMATION = README.parent / "estimation"
+in_a_checkout = pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
 
 
-@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+def examples(page: Path = README) -> list[str]:
+    """The Python of a page, block by block."""
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@in_a_checkout
 def test_the_first_example_prints_what_its_last_line_says(capsys):
-    example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[0]
+    example = examples()[0]
     promised = re.search(r"# ([0-9.]+) ± ([0-9.]+) kg", example)
     assert promised is not None
     exec(compile(example, "README.md", "exec"), {})
@@ -24,42 +31,38 @@ def test_the_first_example_prints_what_its_last_line_says(capsys):
     assert std == pytest.approx(float(promised[2]), rel=0.1)
 
 
-@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
-def test_the_plant_of_the_tutorial_compiles():
+@in_a_checkout
+def test_the_plant_of_the_readme_compiles():
     from backsight.models import compile_model
 
-    example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[1]
+    example = next(e for e in examples() if "def drive" in e)
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
     dae = compile_model(names["drive"]())  # type: ignore[operator]
     assert [q.name for q in dae.states] == ["motor.phi", "motor.omega", "load.phi", "load.omega"]
 
 
-@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+@in_a_checkout
 def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis():
-    example = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)[2]
     names: dict[str, object] = {}
-    exec(compile(example, "README.md", "exec"), names)
+    exec(compile(examples(ESTIMATION / "weighing" / "README.md")[0], "README.md", "exec"), names)
     low, high = names["study"].components["V of x"].interval  # type: ignore[attr-defined]
     assert low / 1.1 < 1e-6 < 1.1 * high
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+@in_a_checkout
 def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
-    examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    exec(compile(next(e for e in examples if "Estimator" in e), "README.md", "exec"), {})
+    exec(compile(examples(ESTIMATION / "tracking" / "README.md")[0], "README.md", "exec"), {})
     friction, std, _, *words = capsys.readouterr().out.split()
     assert abs(float(friction) - 20.0) < 4 * float(std)
     assert words[0] == "estimated"
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+@in_a_checkout
 def test_the_bit_of_the_readme_is_followed(capsys):
-    examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
-    example = next(e for e in examples if "PhaseEstimator" in e)
-    exec(compile(example, "README.md", "exec"), {})
+    exec(compile(examples(ESTIMATION / "tracking" / "README.md")[1], "README.md", "exec"), {})
     assert float(capsys.readouterr().out.split()[0]) > 97.0
 
 
@@ -70,7 +73,7 @@ TUTORIAL = README.parent / "models" / "TUTORIAL.md"
 @pytest.mark.skipif(not TUTORIAL.exists(), reason="the tutorial lies beside the models in a checkout only")
 def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    blocks = re.findall(r"```python\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+    blocks = examples(TUTORIAL)
     assert sum(line.strip() != "" for line in blocks[0].splitlines()) <= 25
     (tmp_path / "drive.py").write_text(blocks[0])
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -91,11 +94,10 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+@in_a_checkout
 def test_the_friction_that_was_kept_from_the_model_is_found():
-    examples = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     names: dict[str, object] = {"__name__": "readme"}
-    exec(compile(next(e for e in examples if "diagnose(" in e), "README.md", "exec"), names)
+    exec(compile(next(e for e in examples() if "diagnose(" in e), "README.md", "exec"), names)
     found = names["found"]
     (finding,) = found.findings  # type: ignore[attr-defined]
     assert (finding.explanation.place, finding.explanation.physics) == ("carriage", "coulomb_friction")
@@ -103,3 +105,11 @@ def test_the_friction_that_was_kept_from_the_model_is_found():
     assert abs(f_c.value - 20.0) < 4 * f_c.std
     assert found.held_out.improvement_percent > 90  # type: ignore[attr-defined]
     assert found.held_out.p_value < 0.01  # type: ignore[attr-defined]
+
+
+@in_a_checkout
+def test_the_pages_that_it_points_to_are_there():
+    for page in (README, *ESTIMATION.glob("*/README.md")):
+        targets = re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text(encoding="utf-8"))
+        assert page != README or len(targets) > 5
+        assert not [t for t in targets if not (page.parent / t).exists()], page

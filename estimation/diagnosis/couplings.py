@@ -7,6 +7,7 @@ gets one on the other: a part of what was thought to be one mass. A sensor at a 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,7 +25,7 @@ IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
 SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, turning.RotationalSpring)
 SHARE = 0.3  # of the mass behind a coupling, that before it where the model has none there
 RESONANCES = (8.0, 30.0)  # Hz, of the stiffnesses from which fits start
-DAMPING = 0.05  # ratio
+DAMPING, DAMPING_OF_PLAY = 0.05, 0.3  # ratios
 PLAYS = (0.005,)  # of the span of the positions, from which fits start
 LOOSE = (0.05, 0.3)  # of the span of the twist of a soft coupling
 SECTION = 0.1  # of the inertia behind a string: that of a section of its own
@@ -79,55 +80,21 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
         body = name, (sliding.Mass(m=part) if slides else turning.Inertia(J=part))
     reduced = 1.0 / (1.0 / (before or SHARE * whole) + 1.0 / (behind or whole))
     sensors = [n for n in neighbours(model, first) if any(o.variable.partition(".")[0] == n for o in model.measured.values())]
+    extra = {f"{name}.{'m' if slides else 'J'}": (SHARE * whole, 1e-4 * whole, whole)} if body else {}
     found = list[Candidate]()
     for moved in (None, *sensors):
-        swap = (moved, second) if moved else None
-        suffix = f" and {moved} at {second}" if moved else ""
-        extra = {f"{name}.{'m' if slides else 'J'}": (SHARE * whole, 1e-4 * whole, whole)} if body else {}
+        rebuilt = partial(_rebuilt, spot.name, body, (moved, second) if moved else None)
         for f in RESONANCES:
-            k = float(reduced * (2 * np.pi * f) ** 2)
-            d = float(2 * DAMPING * np.sqrt(k * reduced))
+            k, d = _tuned(reduced, f, DAMPING)
             soft = sliding.SpringDamper(k=k, d=d) if slides else turning.RotationalSpringDamper(k=k, d=d)
-            found.append(
-                Candidate(
-                    place=place,
-                    family="transmission",
-                    physics="compliance",
-                    edits=(
-                        Rebuild(
-                            edit=Soft(coupling=spot.name, component=soft, mass=body, moved=swap),
-                            said=f"{spot.name} = {type(soft).__name__}(){suffix}",
-                        ),
-                    ),
-                    start={f"{spot.name}.k": (k, k * 1e-4, k * 1e4), f"{spot.name}.d": (d, 0.0, d * 1e4), **extra},
-                    named={"k": f"{spot.name}.k", "d": f"{spot.name}.d"},
-                    dear=True,
-                )
-            )
-        k = float(reduced * (2 * np.pi * RESONANCES[-1]) ** 2)
-        d = float(2 * 0.3 * np.sqrt(k * reduced))
+            start = {f"{spot.name}.k": (k, k * 1e-4, k * 1e4), f"{spot.name}.d": (d, 0.0, d * 1e4), **extra}
+            found.append(_of_transmission(place, "compliance", rebuilt(soft), start, {"k": f"{spot.name}.k", "d": f"{spot.name}.d"}))
+        k, d = _tuned(reduced, RESONANCES[-1], DAMPING_OF_PLAY)
         for share in PLAYS:
             gap = share * motion.span
-            width = gap / 50
-            loose = (
-                sliding.Backlash(gap=gap, k=k, d=d, width=width) if slides else turning.RotationalBacklash(gap=gap, k=k, d=d, width=width)
-            )
-            found.append(
-                Candidate(
-                    place=place,
-                    family="transmission",
-                    physics="backlash",
-                    edits=(
-                        Rebuild(
-                            edit=Soft(coupling=spot.name, component=loose, mass=body, moved=swap),
-                            said=f"{spot.name} = {type(loose).__name__}(){suffix}",
-                        ),
-                    ),
-                    start={f"{spot.name}.gap": (gap, 0.0, gap * 100), f"{spot.name}.k": (k, k * 1e-2, k * 1e4), **extra},
-                    named={"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"},
-                    dear=True,
-                )
-            )
+            start = {f"{spot.name}.gap": (gap, 0.0, gap * 100), f"{spot.name}.k": (k, k * 1e-2, k * 1e4), **extra}
+            loose = rebuilt(_loose(slides, gap, k, d))
+            found.append(_of_transmission(place, "backlash", loose, start, {"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"}))
     return found
 
 
@@ -142,40 +109,41 @@ def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], 
     if isinstance(component, (sliding.SpringDamper, turning.RotationalSpringDamper)) and motion.span > 0:
         for share in LOOSE:
             gap = share * motion.span
-            kind = sliding.Backlash if slides else turning.RotationalBacklash
-            loose = kind(gap=gap, k=k, d=d, width=gap / 50)
-            found.append(
-                Candidate(
-                    place=spot.name,
-                    family="transmission",
-                    physics="backlash",
-                    edits=(Exchange(name=spot.name, component=loose),),
-                    start={f"{spot.name}.gap": (gap, 0.0, gap * 20)},
-                    named={"gap": f"{spot.name}.gap"},
-                    dear=True,
-                )
-            )
+            loose = Exchange(name=spot.name, component=_loose(slides, gap, k, d))
+            start = {f"{spot.name}.gap": (gap, 0.0, gap * 20)}
+            found.append(_of_transmission(spot.name, "backlash", loose, start, {"gap": f"{spot.name}.gap"}))
     behind = _mass(model, f"{spot.name}.{spot.flanges[1]}", masses)
     if behind:
         body, second = f"{spot.name}_section", f"{spot.name}_2"
         section = SECTION * behind
-        found.append(
-            Candidate(
-                place=spot.name,
-                family="transmission",
-                physics="compliance",
-                edits=(
-                    Rebuild(
-                        edit=Sectioned(coupling=spot.name, body=body, second=second, inertia=section),
-                        said=f"{second}, {body} behind {spot.name}",
-                    ),
-                ),
-                start={f"{second}.k": (2 * k, k / 10, k * 1e3), f"{body}.{'m' if slides else 'J'}": (section, section / 1e3, behind * 10)},
-                named={"k": f"{second}.k", "m": f"{body}.{'m' if slides else 'J'}"},
-                dear=True,
-            )
-        )
+        edit = Sectioned(coupling=spot.name, body=body, second=second, inertia=section)
+        stiffness, inertia = f"{second}.k", f"{body}.{'m' if slides else 'J'}"
+        start = {stiffness: (2 * k, k / 10, k * 1e3), inertia: (section, section / 1e3, behind * 10)}
+        rebuilt = Rebuild(edit=edit, said=f"{second}, {body} behind {spot.name}")
+        found.append(_of_transmission(spot.name, "compliance", rebuilt, start, {"k": stiffness, "m": inertia}))
     return found
+
+
+def _rebuilt(coupling: str, mass: tuple[str, Component] | None, moved: tuple[str, str] | None, component: Component) -> Rebuild:
+    said = f"{coupling} = {type(component).__name__}()" + (f" and {moved[0]} at {moved[1]}" if moved else "")
+    return Rebuild(edit=Soft(coupling=coupling, component=component, mass=mass, moved=moved), said=said)
+
+
+def _of_transmission(
+    place: str, physics: str, edit: Exchange | Rebuild, start: dict[str, tuple[float, float, float]], named: dict[str, str]
+) -> Candidate:
+    return Candidate(place=place, family="transmission", physics=physics, edits=(edit,), start=start, named=named, dear=True)
+
+
+def _tuned(inertia: float, frequency: float, ratio: float) -> tuple[float, float]:
+    """Stiffness and damping of a coupling that lets an inertia [kg or kg.m2] swing at a frequency [Hz] with a damping ratio."""
+    k = float(inertia * (2 * np.pi * frequency) ** 2)
+    return k, float(2 * ratio * np.sqrt(k * inertia))
+
+
+def _loose(slides: bool, gap: float, k: float, d: float) -> Component:
+    kind = sliding.Backlash if slides else turning.RotationalBacklash
+    return kind(gap=gap, k=k, d=d, width=gap / 50)
 
 
 @dataclass(frozen=True, kw_only=True)

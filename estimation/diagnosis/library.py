@@ -35,16 +35,16 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     found = list[Candidate]()
     dae = solution.transcription.dae
     motions, values = _Motions(solution), dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
+    places = {p.name: p.unit for p in dae.places}
     for spot in bodies(model):
         merged = dae.merged_places.get(spot.name, spot.name) != spot.name
-        unit = next((p.unit for p in dae.places if p.name == spot.name), "N")
-        if merged or unit not in UNITS:
+        if merged or places.get(spot.name, "N") not in UNITS:
             continue
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
             found += of_loads(model, spot, motion)
-            found += of_presliding(model, spot, motion, values) if spot.name in {p.name for p in dae.places} else []
+            found += of_presliding(model, spot, motion, values) if spot.name in places else []
     for spot in elements(model):
         motion = motions.of(spot)
         if motion is not None:

@@ -65,14 +65,22 @@ class Search:
     accepted: list[Candidate] = field(default_factory=list)
 
     def run(self) -> None:
-        """Rounds until nothing more is found; once more with weights from the data where they were held, for what those hide."""
-        last = self._rounds()
-        if not self.settings.weigh and self._weighed():
-            last = self._rounds()
+        """Rounds until nothing more is found; then what could not have been seen.
+
+        Where weights are held they come from the data as soon as the model bears it: evidences at held weights find what leads most of the
+        forces astray, but what is left of them then they take for an effect too.
+        """
+        tried, more = False, True
+        while more:
+            base, candidates, found, sizes = self._scores()
+            more = time.time() < self.end and len(self.findings) < EFFECTS and self._round(base, found, sizes, candidates)
+            if not self.settings.weigh and (more or not tried):
+                tried = True
+                more |= self._weighed()
         if time.time() > self.end:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._renew()
-        self._limits(*last)
+        self._limits(found, sizes)
 
     def _renew(self) -> None:
         """What was found first has the numbers that it has beside what was found later."""
@@ -80,21 +88,17 @@ class Search:
             explanation = replace(finding.explanation, parameters=_strengths(c, self.result))
             self.findings[k] = replace(finding, explanation=explanation, change="; ".join(_change(c, self.result)))
 
-    def _rounds(self) -> tuple[Screen, Sizes]:
-        """Rounds until nothing more is found; the last scores, and sizes of what is left."""
-        while True:
-            self.say(f"round {len(self.findings) + 1}: scores")
-            if self.result.solution is None:
-                raise ValueError("a smoothed model has its solution")
-            base = Linearised(self.result.solution)
-            candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
-            looks = looked_at(self.problem, self.model, base, candidates)
-            found = screen(base, looks)
-            sizes = Sizes(self.problem, self.result, base)
-            self.left = sizes.left
-            self.first_left = self.first_left or sizes.left
-            if time.time() > self.end or len(self.findings) >= EFFECTS or not self._round(base, found, sizes, candidates):
-                return found, sizes
+    def _scores(self) -> tuple[Linearised, list[Candidate], Screen, Sizes]:
+        """The model linearised where it came to rest, all candidates, their scores, and sizes of what is left."""
+        self.say(f"round {len(self.findings) + 1}: scores")
+        if self.result.solution is None:
+            raise ValueError("a smoothed model has its solution")
+        base = Linearised(self.result.solution)
+        candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
+        found, sizes = screen(base, looked_at(self.problem, self.model, base, candidates)), Sizes(self.problem, self.result, base)
+        self.left = sizes.left
+        self.first_left = self.first_left or sizes.left
+        return base, candidates, found, sizes
 
     def _weighed(self) -> bool:
         """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these."""

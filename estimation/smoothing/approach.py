@@ -44,7 +44,7 @@ TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
 TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
-BENT = 0.5  # the same where no output shows a state: there balances that strain bend what nothing else holds
+BENT = 0.5  # the same where no output shows an attitude: there balances that strain turn what nothing else holds
 TIGHT = 0.1  # share from which on a descent waits for convergence
 BATCHES = 4  # of Gauss-Newton steps at such a share, at most, and
 PAID = 0.01  # the share of the cost that one must save for another one to be worth its while
@@ -86,10 +86,11 @@ def approach(
     """
     near, telling, own = _near(problem), telling_places(problem), len(problem.dae.places)
     hidden = bool(unseen_states(problem))
-    rng, found, strain = np.random.default_rng(0), list[Approach](), BENT if hidden else STRAINED
+    rng, found = np.random.default_rng(0), list[Approach]()
     if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
         return _ended(way, laws, parameters, own)
     soft = softened(near) if hidden else near
+    strain = STRAINED if soft is near else BENT
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
         if number:

@@ -132,6 +132,7 @@ def test_a_least_squares_on_the_bundled_file_finds_all_four_values_within_one_pe
     assert found == pytest.approx([95.0, 200.0, 20.0, -3.0], rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_same_seed_writes_the_same_bytes_as_the_bundled_file(fit: Run) -> None:
     bundled = backsight.data.path("axis_fit.csv.gz").read_bytes()
     # Compressors differ between builds of zlib, the text does not.
@@ -140,6 +141,7 @@ def test_the_same_seed_writes_the_same_bytes_as_the_bundled_file(fit: Run) -> No
     assert bundled[4:8] == b"\0\0\0\0", "a date in the header would change the bytes"
 
 
+@pytest.mark.slow
 def test_the_bundled_held_out_file_and_card_are_what_the_generator_writes(tmp_path: Path) -> None:
     for written in axis.write(tmp_path):
         old, new = backsight.data.path(written.name).read_bytes(), written.read_bytes()

@@ -79,6 +79,7 @@ def test_the_attitude_is_a_rotation_by_the_three_angles_in_their_order() -> None
     assert angles(R) == pytest.approx([phi, theta, psi], abs=1e-14)
 
 
+@pytest.mark.slow
 def test_the_power_of_all_forces_is_the_change_of_energy() -> None:
     """Along a flight: d/dt (m v^2/2 + omega J omega/2 - m g z) = F v + M omega, with F and M from the recorded thrusts by the textbook."""
     run = record(seed=2, conditions=replace(CONDITIONS, duration=2.0, step=0.001, process={}))

@@ -50,6 +50,7 @@ def scores(s: Smoothing, delay: float) -> np.ndarray:
     return np.array([(s.parameters[n].value - v) / s.parameters[n].std for n, v in {**TRUE, "delay:x": delay}.items()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.004, 0.013, 0.1], ids=["of less than a sample", "of more", "of ten samples"])
 def test_a_delay_is_found_with_the_parameters(delay):
     s = fitted(late(1, delay))
@@ -61,6 +62,7 @@ def test_a_delay_is_found_with_the_parameters(delay):
     assert s.fit["run"]["x"].rms == pytest.approx(STD, rel=0.2)
 
 
+@pytest.mark.slow
 def test_no_sensor_tells_what_is_still_to_come():
     early = late(1, 0.0)
     ahead = replace(early, outputs={"x": np.append(early.outputs["x"][2:], [np.nan, np.nan])})
@@ -74,6 +76,7 @@ def test_no_sensor_tells_what_is_still_to_come():
     assert abs(plain.parameters["mass.m"].value - M) < 3.5 * plain.parameters["mass.m"].std
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)], ids=["quick first", "slow first"])
 def test_recordings_of_different_rates_share_a_delay_that_is_whole_intervals_of_neither(order):
     quick, slow = late(1, 0.063), recorded(2, 0.063, step=0.04, name="slow")
@@ -81,6 +84,7 @@ def test_recordings_of_different_rates_share_a_delay_that_is_whole_intervals_of_
     assert np.all(np.abs(scores(s, 0.063)) < 3.5), scores(s, 0.063)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["every other", "jittered"])
 def test_uneven_samples_are_moved_without_loss(kind):
     r = recorded(1, 0.043, n=600, jitter=0.3 if kind == "jittered" else 0.0)

@@ -123,6 +123,7 @@ def smoothing(method: str, force_std: float, degree: int = 2) -> Solution:
     )
 
 
+@pytest.mark.slow
 def test_the_two_agree_as_the_residual_force_gets_stiff():
     differences = []
     for force_std in (0.3, 0.03, 0.003):

@@ -30,6 +30,7 @@ def recorded(seed: int, *, n: int = 10_000, input_noise: float = 0.0, noise: flo
     return Recording(name="run", time=time, inputs={"F": recorded_u}, outputs={"x": x[:, 0] + noise * rng.normal(size=n)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [filtered_least_squares, state_variable_filter])
 def test_exact_samples_give_the_parameters_to_the_error_of_differences(method):
     found = method(Problem(model=OSCILLATOR, recordings=[recorded(1)], parameters=FREE), cutoff=5.0)
@@ -50,6 +51,7 @@ def test_estimates_scatter_as_their_deviations_say(method):
     assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.7
 
 
+@pytest.mark.slow
 def test_noise_of_the_position_biases_it_when_the_filter_lets_it_pass():
     """What the docstring warns of: noise in the regressors shrinks the inertia."""
     noisy = Problem(model=OSCILLATOR, recordings=[recorded(4, noise=2e-3)], parameters=FREE)
@@ -57,6 +59,7 @@ def test_noise_of_the_position_biases_it_when_the_filter_lets_it_pass():
     assert filtered_least_squares(noisy, cutoff=4.0).parameters["mass.m"].value == pytest.approx(M, rel=0.05)
 
 
+@pytest.mark.slow
 def test_decimation_changes_little_where_nothing_lies_beyond_it():
     problem = Problem(model=OSCILLATOR, recordings=[recorded(5, input_noise=0.1)], parameters=FREE)
     all_, few = (filtered_least_squares(problem, cutoff=40.0, decimate=k).parameters for k in (1, 10))
@@ -76,6 +79,7 @@ def test_several_recordings_are_fitted_together():
     assert found.parameters["mass.m"].value == pytest.approx(M, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_nonlinear_outputs_are_inverted_for_the_states():
     """Two slides and a reflector of the gantry: its turn, which only the reflector shows, comes from x_r = x_1 + (x_2 - x_1) y/b."""
     r, b, n = 0.010, 1.0, 1200
@@ -111,6 +115,7 @@ def test_a_plant_that_it_cannot_serve_is_refused_with_a_reason(model, outputs, f
         filtered_least_squares(Problem(model=model, recordings=[recording], parameters=free), cutoff=5.0)
 
 
+@pytest.mark.slow
 def test_balances_that_are_seen_are_used_though_others_are_not():
     """The motor of the drillstring alone:  L I' = V - R I - n Km Omega_r,  its bit unseen."""
     n, h = 6000, 1e-3

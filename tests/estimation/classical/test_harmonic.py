@@ -76,6 +76,7 @@ def test_a_held_force_is_taken_for_the_staircase_that_it_is():
     assert found["damper.d"].value == pytest.approx(D, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_manipulator_is_found_with_three_trajectories_from_ones_everywhere():
     """Torques by a Lagrangian written here: the loop closed by the cosine rule."""
     values = [0.1080, 0.005422, 0.01029, 0.6059, 0.1442, 0.04350]

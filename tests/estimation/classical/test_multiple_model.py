@@ -55,6 +55,7 @@ def test_slip_and_stick_are_told_from_the_motor_current_alone(std, least):
     assert np.mean(found == stuck) > np.mean(online == stuck)
 
 
+@pytest.mark.slow
 def test_the_bit_velocity_that_nobody_measures_is_followed():
     run, _, omega = drilled(2, 1e-4)
     modes = multiple_models(Problem(model=drillstring(), recordings=[run], weights=WEIGHTS), modes=MODES, dwell=3.0)

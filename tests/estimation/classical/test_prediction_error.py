@@ -54,6 +54,7 @@ def test_segments_take_up_what_drives_the_plant_unseen():
     assert short.parameters["spring.k"].value == pytest.approx(K, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_known_start_is_kept_and_several_recordings_share_the_parameters():
     runs = [recorded(seed) for seed in (4, 5)]
     named = [Recording(name=n, time=r.time, inputs=r.inputs, outputs=r.outputs) for n, r in zip("ab", runs, strict=True)]
@@ -65,6 +66,7 @@ def test_a_known_start_is_kept_and_several_recordings_share_the_parameters():
     assert found.parameters["mass.m"].std < 2e-3
 
 
+@pytest.mark.slow
 def test_a_gap_begins_a_new_segment_and_what_is_known_of_the_start_is_not_known_there():
     """Another force acts in the gap; both pieces count in the fit, and the motion before and after has its own exact solution."""
     plant, n = truths.Plant(m=M, d=D, k=K, offset=OFFSET), 500
@@ -111,6 +113,7 @@ def test_friction_that_sticks_is_found_from_a_motion_that_sticks():
     assert p["friction.f_c"].value == pytest.approx(f_c, abs=max(5 * p["friction.f_c"].std, 0.02))
 
 
+@pytest.mark.slow
 def test_a_bound_that_holds_has_no_deviation_and_is_named():
     free = {**FREE, "damper.d": Free(2.0, min=1.8)}
     found = prediction_error(Problem(model=OSCILLATOR, recordings=[recorded(7, noise=1e-4)], parameters=free))
@@ -119,6 +122,7 @@ def test_a_bound_that_holds_has_no_deviation_and_is_named():
     assert "damper.d ends on its bound." in found.notes
 
 
+@pytest.mark.slow
 def test_a_prior_is_one_more_measurement():
     tight = {**FREE, "mass.m": Free(2.2, std=1e-5)}
     found = prediction_error(Problem(model=OSCILLATOR, recordings=[recorded(8)], parameters=tight)).parameters["mass.m"]

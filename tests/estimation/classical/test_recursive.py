@@ -31,6 +31,7 @@ def test_constant_coefficients_end_where_the_whole_recording_puts_them():
     assert last.baseline().fit["run"]["y"].rms == pytest.approx(0.3, rel=0.06)
 
 
+@pytest.mark.slow
 def test_deviations_hold_over_many_repetitions():
     """20 repetitions of 3 coefficients: rms of the 60 scores within 0.7 .. 1.35 (chance of failing below 1e-3)."""
     scores = []

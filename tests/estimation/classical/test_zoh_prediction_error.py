@@ -89,6 +89,7 @@ def test_where_no_force_acts_deviations_are_those_of_the_output_error():
             assert 0.9 < forces[name].std / plain[name].std < 1.5
 
 
+@pytest.mark.slow
 def test_a_gap_leaves_both_pieces_in_the_fit_and_a_given_w_is_said_to_be_a_beginning():
     run, gone = recorded(5, force_std=0.5, noise=5e-3), (np.arange(800) > 300) & (np.arange(800) < 360)
     cut = Recording(name="run", time=run.time[~gone], inputs={"F": run.inputs["F"][~gone]}, outputs={"x": run.outputs["x"][~gone]})

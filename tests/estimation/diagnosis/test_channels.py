@@ -71,6 +71,7 @@ def test_a_delay_of_whole_rows_is_a_shift():
         assert late(EVEN, values, 0.03, held)[:3] == pytest.approx(values[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "signal", "other"), [(actuator, "F", "x"), (five_bar, "tau_1", "theta_1")])
 def test_faults_without_strength_change_nothing_and_with_it_what_their_name_says(plant, signal, other):
     model = plant()

@@ -89,6 +89,7 @@ def test_a_machine_that_lacks_nothing_is_told_so_with_what_could_not_have_been_s
     assert compile_model(d.repaired.model).name == "actuator"
 
 
+@pytest.mark.slow
 def test_friction_of_twice_the_floor_is_seen():
     least = {(u.place, u.physics): u.strength for u in clean().undetectable}["carriage", "coulomb_friction"]
     d = diagnose(case(f_c=2.0 * least), jobs=1)
@@ -97,6 +98,7 @@ def test_friction_of_twice_the_floor_is_seen():
     assert ("carriage", "friction") in named
 
 
+@pytest.mark.slow
 def test_a_mass_that_was_given_wrong_is_a_parameter():
     d = diagnose(posed(run(2.0, STEP), W={}, carriage__m=0.85 * 95.109), jobs=1)
     assert d.verdict == "parameter"
@@ -106,6 +108,7 @@ def test_a_mass_that_was_given_wrong_is_a_parameter():
     assert {(r.place, r.physics) for r in d.findings[0].rivals} >= {("carriage", "added_mass")}
 
 
+@pytest.mark.slow
 def test_an_amplifier_that_cuts_off_is_the_input():
     servo = replace(SERVO, limit=170.0)
     made = record(Carriage(f_c=0.0, f_0=0.0), seed=1, conditions=replace(CONDITIONS, duration=2.0, step=STEP), servo=servo)

@@ -93,6 +93,7 @@ def test_drag_is_against_the_velocity():
         assert square == pytest.approx(newton @ (-np.linalg.norm(nu) * nu), rel=1e-4, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_constant_force_shows_in_the_accelerometer_over_the_mass():
     model = quadrotor()
     base = compile_model(model)
@@ -101,6 +102,7 @@ def test_a_constant_force_shows_in_the_accelerometer_over_the_mass():
     assert np.linalg.matrix_rank(newton[:rows]) == 3
 
 
+@pytest.mark.slow
 def test_a_small_offset_of_the_mass_is_linear_in_it():
     model = quadrotor()
     c = by_name(model)["body", "coupling"]

@@ -56,6 +56,7 @@ def test_friction_that_holds_a_load_that_nobody_sees_is_found_there():
     assert d.held_out.improvement_percent > 20
 
 
+@pytest.mark.slow
 def test_a_load_without_friction_gets_none():
     d = diagnose(posed(0.0), jobs=2)
     assert d.verdict == "none"

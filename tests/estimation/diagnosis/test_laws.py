@@ -62,6 +62,7 @@ def test_without_strength_all_of_them_together_change_nothing(plant):
             assert a == pytest.approx(b, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["actuator", "xy_table", "drillstring", "five_bar"])
 def test_every_strength_does_something_and_twice_the_strength_twice_as_much(plant):
     base, whole, used = grown(plant)

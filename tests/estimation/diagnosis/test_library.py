@@ -40,6 +40,7 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
         assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
 
 
+@pytest.mark.slow
 def test_names_in_candidates_are_parameters_of_the_edited_model(axis):
     problem, _, found = axis
     for c in found:

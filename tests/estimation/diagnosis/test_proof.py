@@ -62,6 +62,7 @@ def test_a_repair_of_what_is_not_missing_gains_nothing():
     assert found.p_value > 0.05
 
 
+@pytest.mark.slow
 def test_gaps_and_what_every_recording_has_of_its_own_are_no_obstacle():
     """The held-out recording has an offset that the fitted one has not, and half a second of it is lost."""
     fit, held = record(1, "fit", 20.0, 1.5), record(2, "held_out", 20.0, 2.0)

@@ -270,6 +270,7 @@ def test_with_every_parameter_its_own_recordings_are_fitted_as_each_alone():
     assert both.value("mass.m") == pytest.approx(np.mean([own.parameters["mass.m"].value for own in alone]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_recording_held_out_tells_its_own_parameter_before_it_is_predicted():
     recordings = [sliding(1, 2.0), sliding(2, 2.5), sliding(3, 3.0), sliding(4, 2.2, "held_out")]
     weights = Weights(W={"mass": 0.1})
@@ -281,6 +282,7 @@ def test_a_recording_held_out_tells_its_own_parameter_before_it_is_predicted():
 # ---------------------------------------------------------------- what the user reads
 
 
+@pytest.mark.slow
 def test_all_suppositions_together_are_told_under_the_users_own_names():
     recordings = [sliding(1, 2.0), sliding(2, 3.0), sliding(3, 2.5, "held_out")]
     s = smooth(

@@ -37,6 +37,7 @@ def scores(s: Smoothing) -> np.ndarray:
     return np.array([(s.parameters[n].value - v) / s.parameters[n].std for n, v in TRUE.items()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("W", [1e-5, None], ids=["rigid W", "W from the data"])
 def test_a_mesh_too_coarse_for_rigid_weights_is_refined_until_the_deviations_hold(W, monkeypatch):
     recording, x = rigid()

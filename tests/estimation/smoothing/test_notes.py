@@ -89,6 +89,7 @@ def axis_run(seed: int, force: float, std: float = 1e-4, sign: float = 1.0) -> R
     return Recording(name="run", time=time, inputs={"F": sign * u}, outputs={"x": y}, output_std={"x": std})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("std", [1e-4, 1e-6])
 @pytest.mark.parametrize("force", [0.0, 0.02])
 def test_where_no_force_acts_the_floor_is_named_and_no_memory_and_where_one_acts_its_size(std, force):

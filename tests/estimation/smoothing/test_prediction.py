@@ -67,6 +67,7 @@ def test_a_start_that_is_known_is_kept():
     assert (first["mass.s"], first["mass.v"]) == pytest.approx((0.02, -0.1), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_notes_say_which_outputs_drift_and_which_do_not():
     stays = " ".join(fitted(record("other", 2, n=2000)).notes)
     assert "Held out: other, simulated under its inputs" in stays

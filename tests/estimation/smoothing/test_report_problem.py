@@ -127,6 +127,7 @@ def discretised(recording, reference, start, points=2):
     raise AssertionError("the independent formulation did not converge")
 
 
+@pytest.mark.slow
 def test_its_cost_and_parameters_are_those_of_an_independent_formulation():
     recording, result = solved(SEEDS[0])
     solution, estimates = result.solution, result.estimates["line"]

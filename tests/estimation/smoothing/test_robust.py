@@ -95,7 +95,7 @@ def test_likelihood_and_criteria_are_those_of_hubers_density(share):
 def test_the_evidence_with_hubers_density_is_the_integral_over_the_parameter():
     r = recorded(2, share=0.05, size=20.0)
     c = known_but(r, offset_f=Free(0.5, std=2.0)).criteria
-    grid = OFFSET + np.linspace(-0.5, 0.5, 2001)
+    grid = OFFSET + np.linspace(-0.5, 0.5, 401)
     prior = stats.norm(0.5, 2.0)
     logs = np.array([np.sum(hubers_density(motion_errors(r, f)) - np.log(STD)) + prior.logpdf(f) for f in grid])
     integral = logs.max() + np.log(np.trapezoid(np.exp(logs - logs.max()), grid))
@@ -172,6 +172,7 @@ def test_the_estimate_minimises_hubers_cost_over_the_dense_problem():
     assert plain.max() > 3  # least squares is elsewhere
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", ["huber", "auto"])
 @pytest.mark.parametrize("given", [True, False])
 def test_one_percent_of_outliers_a_thousand_deviations_off_move_no_estimate_by_half_a_deviation(loss, given):
@@ -196,6 +197,7 @@ def test_without_outliers_auto_is_least_squares():
     assert any("squares" in note for note in auto.notes if note.startswith("Loss of x"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.1])
 def test_deviations_grow_by_hubers_factor(share):
     """sqrt(((1 - e) b + e k^2)) / ((1 - e) a) of those of least squares on clean samples: 1.025 and 1.22."""
@@ -208,14 +210,14 @@ def test_deviations_grow_by_hubers_factor(share):
 
 
 @pytest.mark.slow
-def test_over_forty_contaminated_records_scores_have_unit_size():
+def test_over_twenty_four_contaminated_records_scores_have_unit_size():
     z = []
-    for seed in range(40):
+    for seed in range(24):
         s = fitted(recorded(seed, share=0.1, size=30.0))
         z.append([(s.parameters[n].value - v) / s.parameters[n].std for n, v in TRUE.items()])
-    # the deviation of forty scores is known to 11 %; four parameters within three of that
+    # the deviation of twenty-four scores is known to 15 %; four parameters within three of that
     size = np.std(z, axis=0)
-    assert np.all((size > 0.67) & (size < 1.33)), size
+    assert np.all((size > 0.56) & (size < 1.44)), size
 
 
 def test_a_loss_that_there_is_not_is_refused():

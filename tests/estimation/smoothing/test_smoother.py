@@ -332,6 +332,7 @@ def test_a_nonlinear_plant_with_an_algebraic_variable_and_an_exact_equation_is_f
         assert abs(p.value - true) < 3.5 * p.std, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{}, {"mass.s": START[0], "mass.v": START[1]}], ids=["free start", "known start"])
 @pytest.mark.parametrize("n", [300, 4000], ids=["3 s", "40 s"])
 def test_a_rigid_balance_gives_estimates_with_deviations_however_long_the_record(given, n):

@@ -64,6 +64,7 @@ def test_a_parameter_that_enters_nothing_is_named_alone():
     assert result_of_smoothing(s, command="smooth")["parameters"]["spring.s_rel0"]["std"] is None
 
 
+@pytest.mark.slow
 def test_a_position_that_no_output_shows_is_open_in_every_recording_and_the_parameters_are_not():
     plant = truths.Plant(m=M, d=D, k=0.0, offset=OFFSET)
     recordings = []

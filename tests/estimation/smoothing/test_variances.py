@@ -29,6 +29,7 @@ def fitted(seed: int, force_std: float, open_weights: str, n: int = 400, model: 
     return smooth(Problem(model=model, recordings=[recording], parameters=free, weights=weights))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("open_weights", ["W", "V", "WV"])
 def test_the_chosen_deviations_are_the_true_ones_within_their_sampling_error(open_weights):
     """400 samples tell their own noise to 1/sqrt(800) = 3.5 %, and a force that moves the plant as far as the noise to about 8 %."""
@@ -84,6 +85,7 @@ def test_a_force_of_which_the_record_tells_little_gets_the_weight_that_is_most_l
     assert found.weights.W["mass"] == pytest.approx(best, rel=0.15)
 
 
+@pytest.mark.slow
 def test_beside_an_accelerometer_the_force_that_it_reads_gets_its_own_deviation():
     """A force held from row to row, 0.2 m/s2 in a reading whose noise is 0.1: told by the position and by the accelerometer."""
     found, force_std, step, n, plant = [], 0.2 * M * np.sqrt(0.01), 0.01, 400, compiled(shaken())

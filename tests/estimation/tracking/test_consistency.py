@@ -29,6 +29,7 @@ def test_errors_are_as_large_as_stated(plant: str, what: str) -> None:
     assert sum(run["counts"]["failed"] for run in runs) == 0
 
 
+@pytest.mark.slow
 def test_gross_errors_are_left_out_and_hardly_cost_anything() -> None:
     plain, defective = (tracking.follow("actuator", 1, what, 50, 400) for what in ("plain", "defective"))
     assert plain["counts"]["doubted"] == 0

@@ -13,6 +13,7 @@ from backsight.estimation.tracking import Estimator, Outcome, Sample
 from backsight.ocp.moving.trajectory import Trajectory
 
 
+@pytest.mark.slow
 def test_a_gross_error_behind_samples_on_its_own_side_is_no_level():
     axis_rows, at = 300, 200
     axis = FrictionAxis(count=axis_rows)
@@ -65,6 +66,7 @@ def test_a_step_along_a_curve_is_a_trajectory_of_its_own():
     assert np.abs(found.x - window.here.moved(step, 0.5).x).max() > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("update", ["smoothing", "filtering"])
 @pytest.mark.parametrize("late", [1, 3])
 def test_samples_that_come_late_in_the_end_tell_what_they_would_have_told_in_time(update, late):
@@ -89,6 +91,7 @@ def test_samples_that_come_late_in_the_end_tell_what_they_would_have_told_in_tim
             np.testing.assert_allclose(then.parameters_std, now.parameters_std, rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wild", [1e6, -1e300])
 def test_one_wild_input_is_missing_and_no_more(wild):
     axis = FrictionAxis(count=300)

@@ -47,6 +47,7 @@ def off(told: np.ndarray, stuck: np.ndarray) -> list[int]:
     return [min((abs(int(q) - int(k)) for q in found if told[q] == stuck[k]), default=len(told)) for k in true]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "least"), [(1e-4, 0.975), (2e-3, 0.965)])
 def test_the_phase_is_known_at_every_sample_and_changes_are_dated(noise: float, least: float) -> None:
     recording, stuck = drilled(1, noise)
@@ -56,6 +57,7 @@ def test_the_phase_is_known_at_every_sample_and_changes_are_dated(noise: float, 
     assert np.median(off(told, stuck)) <= 2
 
 
+@pytest.mark.slow
 def test_the_clock_may_count_from_1970() -> None:
     recording, _ = drilled(2, 2e-3, rows=200)
     late = replace(recording, time=recording.time + 1.7e9)
@@ -65,6 +67,7 @@ def test_the_clock_may_count_from_1970() -> None:
     assert np.all(np.isinf(since) | (since >= 1.7e9))
 
 
+@pytest.mark.slow
 def test_string_and_bit_need_not_be_known() -> None:
     """15 % off each, with a prior as wide: the phases come out, and the parameters come home."""
     recording, stuck = drilled(2, 1e-3, rows=600)
@@ -86,6 +89,7 @@ def test_a_bit_that_never_stops_is_not_said_to() -> None:
     assert table["bit.forwards"].iloc[-1] > 0.99
 
 
+@pytest.mark.slow
 def test_an_axis_is_held_by_the_force_that_steps_and_its_friction_comes_home() -> None:
     """The bundled axis (20 N, offset -3 N) at 1 kHz: its force holds it or not from a sample on; the guess of 25 N is as good as none."""
     columns = {"time": "t_s", "inputs": {"F": "F_N"}, "outputs": {"x": "x_m"}, "std": {"x": 1e-6}}
@@ -102,6 +106,7 @@ def test_an_axis_is_held_by_the_force_that_steps_and_its_friction_comes_home() -
     assert np.sum(turns > 0.05) <= 4
 
 
+@pytest.mark.slow
 def test_probabilities_are_those_of_a_particle_filter() -> None:
     """4000 particles with the simulator's modes, each with a torque of its own in every sample; a start that is known."""
     noise, count, rng = 5e-3, 4000, np.random.default_rng(5)
@@ -132,6 +137,7 @@ def test_probabilities_are_those_of_a_particle_filter() -> None:
     assert np.mean((ours > 0.5) == (np.array(theirs) > 0.5)) > 0.97
 
 
+@pytest.mark.slow
 def test_with_a_lag_the_phase_is_surer_and_a_change_has_its_time() -> None:
     recording, stuck = drilled(6, 1e-3)
     estimator, time = PhaseEstimator(posed(recording)), recording.time.tolist()
@@ -148,6 +154,7 @@ def test_with_a_lag_the_phase_is_surer_and_a_change_has_its_time() -> None:
         estimator.at("string", 1.0)
 
 
+@pytest.mark.slow
 def test_missing_samples_late_ones_and_gaps() -> None:
     recording, stuck = drilled(7, 1e-3)
     estimator = PhaseEstimator(posed(recording, {"string.k": Free(0.08, std=0.01)}))

@@ -16,6 +16,7 @@ def axis():
     return FrictionAxis()
 
 
+@pytest.mark.slow
 def test_one_step_a_sample_follows_the_converged_estimates_within_their_deviations(axis):
     """Where friction reverses, a step is off by a part of a deviation, and the next ones make up for it (M. Diehl et al., 2005)."""
     whole = Estimator(axis.problem, samples=50)

@@ -39,6 +39,7 @@ def test_a_parameter_with_a_prior_is_integrated_out():
     assert c.log_evidence == pytest.approx(wide, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_parameter_of_which_nothing_is_known_counts_as_even_over_its_nominal_size():
     y, b = record(2), EFFECT[:, 2]
     result, solution = problem(y, settings=FINE, parameters={**FIXED, "offset.f": Free(0.0)}, initial=AT_REST)

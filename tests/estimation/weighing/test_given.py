@@ -12,6 +12,7 @@ from shaken import LINEAR, PLANT, TRUE, driven
 from backsight.estimation import Free, Problem, Recording, weigh
 
 
+@pytest.mark.slow
 def test_a_sensor_whose_every_sample_a_force_can_follow_keeps_the_noise_that_was_given():
     """A force of broad band, sampled slowly by a fine sensor: whatever the noise, forces explain every sample."""
     time, u = driven(240)

@@ -82,6 +82,7 @@ def test_the_slope_is_that_of_the_value_and_the_information_that_of_the_dense_ga
     assert here.information[1, 1] == pytest.approx(2 * here.freedom[1], rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_slope_is_that_of_the_value_where_loops_must_close():
     """Equations that must hold have rows, and rows have units; what these are must not count."""
     conditions = replace(five_bar.CONDITIONS, duration=0.5)

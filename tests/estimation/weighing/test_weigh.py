@@ -57,6 +57,7 @@ def test_every_setting_is_there_and_the_likeliest_leads(found):
     assert min(o.held_out for o in (path[0], path[-1])) < best.held_out - 10
 
 
+@pytest.mark.slow
 def test_weights_that_are_a_hundred_times_off_end_where_the_others_do(found):
     off = weigh(problem(Weights(W={"mass": 0.01 * FORCE_STD}), stds=100 * STD))
     assert off.recommended.weights.W["mass"] == pytest.approx(found.recommended.weights.W["mass"], rel=0.01)
@@ -93,6 +94,7 @@ def test_a_store_tells_studies_apart(found, tmp_path):
     assert Store(None, "one").get(outcome.setting) is None
 
 
+@pytest.mark.slow
 def test_without_anything_held_out_a_third_is_and_that_is_said():
     whole = problem()
     alone = replace(whole, recordings=[whole.recordings[0]])
@@ -124,6 +126,7 @@ def test_on_a_cluster_that_loses_a_worker_the_study_is_finished(found):
         assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "asked",
     [

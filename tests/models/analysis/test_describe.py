@@ -54,6 +54,7 @@ def test_the_index_the_states_and_the_algebraic_variables_are_listed(loop: str) 
     assert [line.split()[0] for line in section(loop, "algebraic variables").splitlines()[1:]] == ["joint_3.phi", "joint_4.phi"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [70, 110])
 def test_no_line_is_wider_than_the_terminal(width: int) -> None:
     for line in describe(five_bar(), width).splitlines():

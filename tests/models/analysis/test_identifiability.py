@@ -273,6 +273,7 @@ class Quadrotor(Component):
         }
 
 
+@pytest.mark.slow
 def test_inertial_sensors_do_not_show_where_a_quadrotor_is_nor_how_heavy() -> None:
     sensed = {name: f"c.{name}" for name in ("ax", "ay", "az", "p", "q", "r")}
     model = alone(Quadrotor(), inputs={f"u_{i}": f"c.u_{i}" for i in range(1, 5)}, outputs=sensed)
@@ -299,6 +300,7 @@ def test_the_axis_shows_its_four_parameters() -> None:
     assert found.identifiable == dict.fromkeys(("carriage.m", "friction.d", "friction.f_c", "offset.f"), True)
 
 
+@pytest.mark.slow
 def test_the_closed_loop_shows_its_six_combinations_and_nothing_more() -> None:
     six = [f"P_{i}" for i in range(1, 7)]
     assert identifiability(five_bar(), parameters=six).unidentifiable == ()
@@ -320,6 +322,7 @@ def test_the_drillstring_shows_all_to_current_and_speed_but_not_to_the_current_a
     assert direction.kind == "factor"
 
 
+@pytest.mark.slow
 def test_the_table_shows_what_its_report_estimated() -> None:
     five = ["spindle.k", "drive_1.J", "drive_3.J", "friction_1.tau_c", "friction_3.tau_c"]
     for outputs in (None, ["x_r", "y_r", "x_m", "y_m"]):
