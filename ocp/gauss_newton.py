@@ -10,7 +10,7 @@ constraints, SIAM J. Control Optim. 20, 1982). The work of a step is linear in t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,10 @@ RIDGES = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Descent:
-    """X (n + np,), its cost, steps taken, and whether it is stationary: to the tolerance, or as far as the cost's rounding tells."""
+    """X (n + np,), its cost, steps taken, and whether it is stationary: to the tolerance, or as far as the cost's rounding tells.
+
+    multipliers: of the constraints, one after the other, column by column.
+    """
 
     X: Array
     cost: float
@@ -37,6 +40,7 @@ class Descent:
     solved: bool
     acceptable: bool
     finite: bool = True
+    multipliers: Array = field(default_factory=lambda: np.zeros(0))
 
 
 def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float, limit: int) -> Descent:

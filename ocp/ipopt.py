@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .columnwise import Mapped
+from .constrained import descend_on_constraints, supported
 from .feasible import start_on_constraints
 from .gauss_newton import descend
 from .nlp import Nlp, Values
@@ -162,11 +163,11 @@ class Solver:
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
-            if newton or self.nlp.constraint_count:
-                near = None if exact or self.nlp.constraint_count else self._by_steps(here, lower, upper)
-                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers, near)
+            near = None if exact else self._by_steps(here, lower, upper)
+            if near is not None and near.status is not Status.NUMERICS and (self.nlp.constraint_count or not newton):
+                answer = near
             else:
-                answer = self._by_steps(here, lower, upper)
+                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers, near)
             iterations, status = iterations + answer.iterations, answer.status
             if np.all(np.isfinite(answer.decisions)):
                 decisions, cost, multipliers = answer.decisions, answer.cost, answer.multipliers
@@ -217,25 +218,21 @@ class Solver:
             seconds=0.0,
         )
 
-    def _by_steps(self, here: Values, lower: Array, upper: Array) -> Solved:
-        """Without constraints there is no need for multipliers, barriers and a symbolic Hessian."""
-        found = descend(
-            self.nlp, here, here.scaled(lower), here.scaled(upper), self.options.tolerance, self.options.gauss_newton_iterations
-        )
-        status = (
-            Status.NUMERICS
-            if not found.finite
-            else Status.SOLVED
-            if found.solved
-            else Status.ACCEPTABLE
-            if found.acceptable
-            else Status.ITERATIONS
-        )
+    def _by_steps(self, here: Values, lower: Array, upper: Array) -> Solved | None:
+        """Plain steps need no barriers and nothing built; None where bounds of trajectories ask for these."""
+        low, high, options = here.scaled(lower), here.scaled(upper), self.options
+        if not self.nlp.constraint_count:
+            found = descend(self.nlp, here, low, high, options.tolerance, options.gauss_newton_iterations)
+        elif supported(self.nlp, low, high):
+            found = descend_on_constraints(self.nlp, here, low, high, options.tolerance, options.gauss_newton_iterations, options.seconds)
+        else:
+            return None
+        usual = Status.SOLVED if found.solved else Status.ACCEPTABLE if found.acceptable else Status.ITERATIONS
         return Solved(
             decisions=here.decisions(found.X),
             cost=found.cost,
-            multipliers=np.zeros(0),
-            status=status,
+            multipliers=found.multipliers,
+            status=usual if found.finite else Status.NUMERICS,
             iterations=found.iterations,
             seconds=0.0,
         )

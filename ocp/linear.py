@@ -85,6 +85,28 @@ def fastest_rate(linear: Linear, force_std: Array, sample_density: Array) -> flo
     return float(np.median(np.abs(np.linalg.eigvals(hamiltonian)).max(axis=1))) if len(hamiltonian) else 0.0
 
 
+def without_followers(linear: Linear) -> Linear:
+    """The plant without states that only follow it, such as a sensor's lag, and the outputs with what is followed in their place.
+
+    Nothing enters such a state from outside and no other one hangs on it, so it is as smooth as what it follows, however fast it is:
+
+        x_f' = a_f x_f + A_f x,  a_f < 0:          x_f -> -A_f x / a_f
+
+    for a fast one (singular perturbation); a slow one only tells less of the plant than that.
+    """
+    A, B, G, C = linear.A, linear.B, linear.G, linear.C
+    while True:
+        inside = np.einsum("mii->mi", A)
+        alone = ~np.any(np.where(np.eye(A.shape[1], dtype=bool), 0.0, A), axis=(0, 1)) & np.all(inside < 0, axis=0)
+        followers = np.flatnonzero(alone & ~B.any(axis=(0, 2)) & ~G.any(axis=(0, 2)))
+        if not len(followers):
+            return Linear(A=A, B=B, G=G, C=C, D=linear.D, E=linear.E)
+        i, rest = followers[0], np.delete(np.arange(A.shape[1]), followers[0])
+        followed = -A[:, i, rest] / inside[:, i, None]
+        C = C[:, :, rest] + C[:, :, i, None] * followed[:, None, :]
+        A, B, G = A[:, rest][:, :, rest], B[:, rest], G[:, rest]
+
+
 def direct_share(linear: Linear, force_std: Array, sample_density: Array) -> float:
     """Largest share, over the outputs, of D Q D' in their sample density R: how much of the noise of a reading is the force itself.
 

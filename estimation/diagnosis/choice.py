@@ -10,11 +10,13 @@ import numpy as np
 
 from ..results import Smoothing
 from .candidates import Candidate
+from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
 from .refit import Fitted
 from .screen import SURE, Screen, Screened
 from .shares import FLOOR, Sizes
 
+CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
@@ -105,3 +107,9 @@ def sound(c: Candidate, f: Fitted) -> bool:
         return False
     largest = max(abs(p.value - c.neutral(p.name)) for p in told)
     return max(p.std or 0.0 for p in told) < SPREAD * largest
+
+
+def idle(c: Candidate, result: Smoothing) -> bool:
+    """Whether a model that has a candidate would be as good without it; of couplings, which have no strength, nobody can say."""
+    told = {n: c.neutral(n) for n in c.strengths if n in result.parameters and result.parameters[n].std is not None}
+    return bool(told) and more_probable_at(result, told) > -CLEAR

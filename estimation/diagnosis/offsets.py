@@ -3,11 +3,7 @@
 A body that turns freely in space shows no sensor its attitude. A torque that is left out there, however small, turns it on and on, and
 every parameter goes to where that costs least: inertias to half, damping to a hundred times. So each balance of a seen rate has an offset
 beside its residual force, which is no part of the model but a nuisance of the comparison: all models have it, and with one that does
-without, evidence counts it out. Of offsets b with b^ and covariance C, none in a subset S of them is as much more probable as
-
-    log p(b_S = 0) = |S|/2 log n - b^_S' C_SS^-1 b^_S / 2                    n samples, b_S ~ N(b^_S, n C_SS) beforehand
-
-(J. M. Dickey, Ann. Math. Statist. 42, 1971, with the unit information of `refit.evidence`).
+without, evidence counts it out (`density_ratio.py`).
 """
 
 from __future__ import annotations
@@ -27,6 +23,7 @@ from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.softened import bare_rows
 from ..smoothing.unseen import moving_unseen, unseen_states
+from .density_ratio import more_probable_at
 
 PREFIX = "offset of "
 ACCELERATION = 10.0  # m/s2 or rad/s2, of a machine: sizes of offsets are that of what it takes
@@ -64,16 +61,12 @@ def counted_out(result: Smoothing, *, all_of_them: bool = False) -> tuple[float,
     names = offsets(result)
     if not names or result.criteria is None:
         return 0.0, ()
-    samples, best = result.criteria.samples, (-np.inf if all_of_them else 0.0, tuple(names))
-    value = np.array([result.parameters[n].value for n in names])
-    std = np.array([result.parameters[n].std or 0.0 for n in names])
-    C = result.correlation.loc[names, names].to_numpy(float) * np.outer(std, std)
+    best = -np.inf if all_of_them else 0.0, tuple(names)
     for size in range(len(names) if all_of_them else 1, len(names) + 1):
-        for chosen in combinations(range(len(names)), size):
-            at = list(chosen)
-            gained = 0.5 * size * float(np.log(samples)) - 0.5 * float(value[at] @ np.linalg.solve(C[np.ix_(at, at)], value[at]))
+        for left_out in combinations(names, size):
+            gained = more_probable_at(result, dict.fromkeys(left_out, 0.0))
             if gained > best[0]:
-                best = gained, tuple(n for k, n in enumerate(names) if k not in chosen)
+                best = gained, tuple(n for n in names if n not in left_out)
     return best
 
 

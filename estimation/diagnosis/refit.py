@@ -32,7 +32,7 @@ from .screen import Screened
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
-QUICKLY = Settings(check_mesh=False, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
+QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 LOOSE = (100.0, 10.0)  # times the deviation of its residual force that a body has on the way to a law that may hold it
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
 

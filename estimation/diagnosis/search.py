@@ -14,12 +14,12 @@ import numpy as np
 
 from backsight.models import Model
 
-from ..problem import Problem
+from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from .candidates import Candidate
-from .choice import RIVAL, SAME, chosen, coloured, held_unseen, sound, steady
+from .choice import CLEAR, RIVAL, SAME, chosen, coloured, held_unseen, idle, sound, steady
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
@@ -34,11 +34,20 @@ from .verdict import Class, Explanation, Finding, Strength, Tried, Undetectable
 Progress = Callable[[str], None]
 Judged = tuple[Candidate, Screened | None, Fitted]
 
-CLEAR = 6.0  # nats of evidence that an effect has to bring
 EFFECTS = 4
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Before:
+    """What there was before the last effect was found."""
+
+    problem: Problem
+    model: Model
+    findings: list[Finding]
+    accepted: list[Candidate]
 
 
 @dataclass
@@ -63,6 +72,7 @@ class Search:
     left: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     accepted: list[Candidate] = field(default_factory=list)
+    before: Before | None = None
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -101,16 +111,32 @@ class Search:
         return base, candidates, found, sizes
 
     def _weighed(self) -> bool:
-        """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these."""
+        """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these.
+
+        What was found last at held weights is taken back where these do not bear it out.
+        """
         self.say("weights from the data")
-        problem, left = without_idle(settled(self.problem, self.result), self.result), self.end - time.time()
-        name = self.kept.name(repr(("weighed", [f.change for f in self.findings])))
-        settings = replace(QUICKLY, seconds=max(left, 0.0) / 2)
-        found = self.kept.smoothed(name, partial(smooth, problem, settings=settings, begin=self.result.solution, progress=self.say))
-        if found is None or not found.solver.converged:
+        found = self._with_weights(self.problem)
+        if found is None:
             return False
-        self.problem, self.result, self.settings = problem, found, QUICKLY
+        if self.before is not None and idle(self.accepted[-1], found[1]):
+            self.say(f"{self.accepted[-1].title} is not borne out")
+            again = self._with_weights(self.before.problem, found[1])
+            if again is not None:
+                found, self.model = again, self.before.model
+                self.findings, self.accepted = self.before.findings, self.before.accepted
+        (self.problem, self.result), self.settings = found, QUICKLY
         return True
+
+    def _with_weights(self, problem: Problem, near: Smoothing | None = None) -> tuple[Problem, Smoothing] | None:
+        """A problem smoothed with weights from the data, starting where another one of it came to rest; None where it does not."""
+        near, left = near or self.result, self.end - time.time()
+        problem = without_idle(settled(problem, near), near)
+        free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
+        name = self.kept.name(repr(("weighed", [f.change for f in self.findings], free)))
+        settings = replace(QUICKLY, seconds=max(left, 0.0) / 2)
+        found = self.kept.smoothed(name, partial(smooth, problem, settings=settings, begin=near.solution, progress=self.say))
+        return None if found is None or not found.solver.converged else (problem, found)
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
@@ -190,6 +216,7 @@ class Search:
         now: float,
     ) -> None:
         c, s, f = best
+        had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
         rivals, others = list[Explanation](), list[Explanation]()
@@ -217,7 +244,8 @@ class Search:
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [old for old, there in zip(self.findings, stay, strict=True) if there]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
-        self.findings.append(
+        self.findings = [
+            *self.findings,
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
                 p_value=found.chance(s.gain) if s is not None else math.nan,
@@ -228,8 +256,9 @@ class Search:
                 onset=acts.onset,
                 alternatives=tuple(others),
                 rivals=tuple(rivals),
-            )
-        )
+            ),
+        ]
+        self.before = Before(problem=self.problem, model=self.model, findings=had[0], accepted=had[1])
         self.problem, self.model, self.result = f.problem, f.model, f.whole
 
     def _limits(self, found: Screen, sizes: Sizes) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from backsight.ocp import Horizon, Mesh
 from backsight.ocp.follow import MET, Followed, follow
-from backsight.ocp.linear import Linear, direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise
+from backsight.ocp.linear import Linear, direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise, without_followers
 
 from ..problem import Problem
 from ..recordings.outliers import screened
@@ -98,8 +98,8 @@ def mesh(
 ) -> Meshed:
     """Meshes for all fitted recordings, of steps of `finest` sampling intervals at least, but for steps of the input.
 
-    A given step [s] is taken as it is. Else: step * (fastest mode of the smoother) <= RESOLUTION at the given weights; knots where the
-    input steps, as far as an output could notice.
+    A given step [s] is taken as it is. Else: step * (fastest mode of the smoother) <= RESOLUTION at the given weights, but for modes of
+    states that only follow the rest; knots where the input steps, as far as an output could notice.
     """
     soft = sorted(force_std)
     std = np.array([force_std[k] for k in soft])
@@ -110,7 +110,7 @@ def mesh(
         dx, x, z = followed.at(number, times)
         places = linearise(problem.dae, dx, x, z, horizon.input_at(times), horizon.clock + times, parameters, soft)
         density = sample_density(problem.dae, recording, table)
-        dt, rate = sampling_interval(recording), fastest_rate(places, std, density)
+        dt, rate = sampling_interval(recording), fastest_rate(without_followers(places), std, density)
         span = float(recording.time[-1] - recording.time[0])
         resolved = np.sqrt(density / span)  # what the mean of all samples of an output tells
         # of a force of std one, over what can be felt

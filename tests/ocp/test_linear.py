@@ -19,6 +19,7 @@ from backsight.ocp.linear import (
     fastest_rate,
     left_out_of_outputs,
     linearise,
+    without_followers,
 )
 
 PLANT = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG)
@@ -68,6 +69,37 @@ def test_the_fastest_rate_of_a_tracked_mass_is_that_of_its_riccati_equation():
     P = scipy.linalg.solve_continuous_are(A.T, C.T, q**2 * G @ G.T, np.array([[r]]))
     rate = np.abs(np.linalg.eigvals(A - P @ C.T @ C / r)).max()
     assert fastest_rate(found, np.array([q]), np.array([r])) == pytest.approx(rate, rel=1e-6)
+
+
+def chain(*lags: float, driven: bool = False) -> Linear:
+    """A tracked mass, x = (s, v, ...), read behind lags in a row; driven: an input enters the last one too."""
+    n = 2 + len(lags)
+    A, B, G, C = np.zeros((n, n)), np.zeros((n, 1)), np.zeros((n, 1)), np.zeros((1, n))
+    A[0, 1], A[1, 0], A[1, 1] = 1.0, -K / M, -D / M
+    B[1, 0] = G[1, 0] = 1 / M
+    for k, lag in enumerate(lags):
+        A[2 + k, 2 + k], A[2 + k, 0 if k == 0 else 1 + k] = -1 / lag, 1 / lag
+    B[-1, 0] += driven
+    C[0, -1 if lags else 0] = 1.0
+    no = np.zeros((1, 1, 1))
+    return Linear(A=A[None], B=B[None], G=G[None], C=C[None], D=no, E=no)
+
+
+def test_a_sensor_behind_fast_lags_asks_for_no_finer_mesh_than_one_without():
+    q, r = np.array([5.0]), np.array([1e-8])
+    plain = fastest_rate(chain(), q, r)
+    behind = without_followers(chain(1e-7, 2e-7))
+    np.testing.assert_allclose(behind.C, chain().C)
+    assert fastest_rate(behind, q, r) == pytest.approx(plain, rel=1e-9)
+    # as the whole system has it among its modes, and besides them those of the lags
+    assert fastest_rate(chain(1e-7), q, r) == pytest.approx(1e7, rel=1e-3)
+
+
+def test_a_lag_that_an_input_enters_and_a_position_that_nobody_needs_are_no_followers():
+    assert without_followers(chain(1e-7, driven=True)).A.shape == (1, 3, 3)
+    free = chain()
+    free.A[0, 1, 0] = 0.0
+    assert without_followers(free).A.shape == (1, 2, 2)
 
 
 @pytest.mark.parametrize("duration", [0.01, 0.5, 5.0, 500.0])

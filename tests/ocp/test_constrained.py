@@ -1,0 +1,155 @@
+"""Least squares on constraints: steps against the dense KKT system, answers against the conditions of optimality, dense."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import compiled, lagged, number, random_horizon, stiffening
+
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
+from backsight.ocp import Horizon, Mesh, ParameterPrior, Solver, Transcription, transcribe
+from backsight.ocp.constrained import _Kkt, descend_on_constraints, supported
+from backsight.ocp.nlp import Values
+
+MODELS = {"lagged": compiled(lagged()), "stiffening": compiled(stiffening())}
+
+
+def program(name: str, method: str = "spline", horizons: int = 1, known: bool = False) -> tuple[Transcription, Values]:
+    """A program that is determined, and its numbers about a point that is not its solution."""
+    dae, made = MODELS[name], []
+    for k in range(horizons):
+        h = random_horizon(dae, 20 + k, intervals=4 + k)
+        std = np.full(len(dae.states), 10.0)
+        if known:
+            std[-1] = 0.0
+        made.append(replace(h, initial_std=std, initial=0.1 * np.ones(len(std))))
+    prior = ParameterPrior(mean=np.array([2.0, 0.7]), std=np.array([1.0, 3.0]))
+    t = transcribe(dae, made, free=number(dae, "mass.m", "offset.f"), prior=prior, force_std={0: 0.5}, method=method, degree=2)
+    start = np.random.default_rng(5).normal(size=t.nlp.size) * 0.2
+    start[t.nlp.trajectory_size :] = 1.5, 0.5
+    values = replace(t.nlp.values(np.array([p.value for p in dae.parameters])), unit=np.random.default_rng(6).uniform(0.5, 2.0, t.nlp.size))
+    return t, t.nlp.about(values, start)
+
+
+def bounds(t: Transcription, known: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    lower, upper = np.full(t.nlp.size, -np.inf), np.full(t.nlp.size, np.inf)
+    if known:
+        for start in t.starts:
+            lower[start[-1]] = upper[start[-1]] = 0.0
+    return lower, upper
+
+
+def dense(t: Transcription, values: Values, X: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rows r and constraints c, each column by column, and their Jacobians as one matrix each."""
+    rows: dict[bool, list[np.ndarray]] = {False: [], True: []}
+    slopes: dict[bool, list[np.ndarray]] = {False: [], True: []}
+    n = t.nlp.trajectory_size
+    for k, term in enumerate(t.nlp.terms):
+        part = t.nlp.assembled.evaluated.linearised(k, X, values)
+        for column, interval in enumerate(term.interval):
+            J = np.zeros((part.J.shape[1], t.nlp.size))
+            J[:, t.nlp.index[:, interval]] = part.J[column, :, : len(t.nlp.index)]
+            J[:, n:] = part.J[column, :, len(t.nlp.index) :]
+            rows[term.equality].append(part.r[:, column])
+            slopes[term.equality].append(J)
+    return np.concatenate(rows[False]), np.vstack(slopes[False]), np.concatenate(rows[True]), np.vstack(slopes[True])
+
+
+def factored(t: Transcription, values: Values, fixed: np.ndarray) -> _Kkt:
+    evaluated, X = t.nlp.assembled.evaluated, np.zeros(t.nlp.size)
+    parts = [evaluated.linearised(k, X, values) for k in range(len(t.nlp.terms))]
+    squares = [p for p in parts if not t.nlp.terms[p.number].equality]
+    return _Kkt(t.nlp, evaluated.squares(squares), [p for p in parts if t.nlp.terms[p.number].equality], fixed)
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["vague-start", "known-start"])
+@pytest.mark.parametrize("horizons", [1, 2])
+@pytest.mark.parametrize("method", ["spline", "collocation"])
+@pytest.mark.parametrize("name", MODELS)
+def test_a_step_and_its_multipliers_solve_the_dense_kkt_system(name, method, horizons, known):
+    t, values = program(name, method, horizons, known)
+    lower, upper = bounds(t, known)
+    kkt = factored(t, values, lower == upper)
+    r, J, c, A = dense(t, values, np.zeros(t.nlp.size))
+    s, multipliers = kkt.step(J.T @ r, c, lower, upper)
+    np.testing.assert_allclose(A @ s, -c, atol=1e-9 * np.abs(c).max())
+    assert not s[lower == upper].any()
+    left = (J.T @ (r + J @ s) + A.T @ multipliers)[lower != upper]
+    assert np.abs(left).max() < 1e-9 * np.max(np.abs(J).T @ np.abs(r))
+
+
+@pytest.mark.parametrize("bounded", [False, True])
+@pytest.mark.parametrize("name", MODELS)
+def test_the_answer_is_on_the_constraints_and_no_direction_there_is_downhill(name, bounded):
+    t, values = program(name, horizons=2)
+    lower, upper = bounds(t)
+    if bounded:
+        free = descend_on_constraints(t.nlp, values, lower, upper, 1e-7, 60).X[-2]
+        lower[-2] = 0.5 * free + 0.1
+        upper[-2] = lower[-2] + 1.0 if free < lower[-2] else lower[-2] + 0.05
+    found = descend_on_constraints(t.nlp, values, lower, upper, 1e-7, 60)
+    assert found.solved or found.acceptable
+    r, J, c, A = dense(t, values, found.X)
+    assert np.abs(c).max() < 1e-8
+    assert found.cost == pytest.approx(r @ r / 2, rel=1e-12)
+    left = J.T @ r + A.T @ found.multipliers
+    low, high = lower == found.X, upper == found.X
+    at = low | high
+    assert at.any() == bounded
+    assert np.abs(left[~at]).max() < 1e-6 * np.max(np.abs(J).T @ np.abs(r))
+    assert np.all(left[low] > 0)
+    assert np.all(left[high] < 0)
+    # and it is no saddle: along what the constraints leave, the squares grow
+    null = np.linalg.svd(A[:, ~at])[2][np.linalg.matrix_rank(A[:, ~at]) :].T
+    assert np.linalg.eigvalsh(null.T @ (J.T @ J)[np.ix_(~at, ~at)] @ null).min() > 0
+
+
+@pytest.mark.parametrize("method", ["spline", "collocation"])
+def test_what_must_hold_at_the_start_alone_is_held_there(method):
+    model = Model(
+        name="pendulum",
+        components={"bob": PointMass(), "rod": Rod(), "pivot": PlanarFixed()},
+        connections=[("bob.point", "rod.point_a"), ("rod.point_b", "pivot.point")],
+        outputs={"x": "bob.x", "y": "bob.y"},
+    )
+    dae = compile_model(model)
+    assert dae.invariants.shape[0] > 0
+    time = np.linspace(0.0, 0.2, 9)
+    angle = 0.5 + 0.1 * np.sin(6 * time)
+    y = np.column_stack([np.sin(angle), -np.cos(angle)])
+    h = Horizon(
+        mesh=Mesh(time[::2]),
+        time=time,
+        inputs=np.empty((9, 0)),
+        target=y,
+        target_std=np.full(y.shape, 1e-2),
+        initial=np.zeros(len(dae.states)),
+        initial_std=np.full(len(dae.states), np.inf),
+    )
+    prior = ParameterPrior(mean=np.array([1.0]), std=np.array([0.1]))
+    t = transcribe(dae, [h], free=(0,), prior=prior, force_std={0: 0.5, 1: 0.5}, method=method, degree=2)
+    start = np.zeros(t.nlp.size)
+    for i, q in enumerate(dae.states):
+        start[t.nlp.index[i]] = {"bob.x": 0.48, "bob.y": -0.87}.get(q.name, 0.1)
+    lower, upper = bounds(t)
+    numbers = t.nlp.values(np.array([p.value for p in dae.parameters]))
+    start[-1] = numbers.parameters[0]
+    near = Solver(t.nlp).solve(start, numbers, lower=lower, upper=upper).decisions
+    values = t.nlp.about(numbers, near * np.random.default_rng(0).uniform(0.97, 1.03, len(near)))
+    r, J, c, A = dense(t, values, np.zeros(t.nlp.size))
+    s, multipliers = factored(t, values, lower == upper).step(J.T @ r, c, lower, upper)
+    np.testing.assert_allclose(A @ s, -c, atol=1e-9 * np.abs(c).max())
+    left = J.T @ (r + J @ s) + A.T @ multipliers
+    assert np.abs(left).max() < 1e-9 * np.max(np.abs(J).T @ np.abs(r))
+
+
+def test_bounds_of_a_trajectory_are_for_another_method_and_fixed_states_are_not():
+    t, _ = program("lagged")
+    lower, upper = bounds(t, known=True)
+    lower[-1] = -1.0
+    assert supported(t.nlp, lower, upper)
+    lower[3] = -1.0
+    assert not supported(t.nlp, lower, upper)
