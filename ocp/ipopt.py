@@ -48,6 +48,7 @@ _STATUS = {
 }
 
 
+FINE = 1e-4  # tolerance from which on Ipopt has the last word
 SHORTEST_SECANT = 0.2  # of the step to the answer
 
 
@@ -153,8 +154,10 @@ class Solver:
     ) -> Solved:
         """Gauss-Newton steps first; the exact Hessian takes over where they do not arrive.
 
-        Both look for the same stationary point. start, lower, upper (n + np,): decisions in the units of the model. newton=False: a solve
-        on the way, Gauss-Newton steps only, and without constraints by plain steps (`gauss_newton.py`), which need nothing built.
+        Both look for the same stationary point. Plain steps (`gauss_newton.py`, `constrained.py`) need nothing built and cost a fraction
+        of Ipopt's, which ends what they began where the tolerance is fine, and goes on with exact second derivatives where they do not
+        arrive. start, lower, upper (n + np,): decisions in the units of the model. newton=False: a solve on the way, Gauss-Newton steps
+        only.
         """
         began, decisions = time.perf_counter(), start
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
@@ -164,10 +167,12 @@ class Solver:
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
             near = None if exact else self._by_steps(here, lower, upper)
-            if near is not None and near.status is not Status.NUMERICS and (self.nlp.constraint_count or not newton):
+            if near is not None and self._enough(near, newton):
                 answer = near
             else:
-                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, multipliers, near)
+                near = near if near is None or near.status is not Status.NUMERICS else None
+                lam = multipliers if near is None else near.multipliers
+                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, lam, near)
             iterations, status = iterations + answer.iterations, answer.status
             if np.all(np.isfinite(answer.decisions)):
                 decisions, cost, multipliers = answer.decisions, answer.cost, answer.multipliers
@@ -192,12 +197,19 @@ class Solver:
             on_bound=_on_bound(decisions, lower, upper, values.unit),
         )
 
+    def _enough(self, near: Solved, newton: bool) -> bool:
+        """Whether plain steps are all that is asked for: on the way, to a rough tolerance, or where only exact ones can lead on."""
+        if near.status is Status.NUMERICS:
+            return False
+        if not newton:
+            return True
+        return self.options.tolerance > FINE if near.status.converged else self.nlp.constraint_count > 0
+
     def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None) -> Solved:
         """near: where plain steps arrived, which cost a fraction of Ipopt's."""
         low, high = here.scaled(lower), here.scaled(upper)
-        usable = near is not None and np.all(np.isfinite(near.decisions))
         answer = solver(
-            x0=here.scaled(near.decisions) if near is not None and usable else start_on_constraints(self.nlp, here, low, high),
+            x0=start_on_constraints(self.nlp, here, low, high) if near is None else here.scaled(near.decisions),
             p=here.packed(),
             lbx=low,
             ubx=high,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -15,6 +16,7 @@ from .offsets import PREFIX, counted_out
 from .refit import Fitted
 from .screen import SURE, Screen, Screened
 from .shares import FLOOR, Sizes
+from .verdict import Explanation, Strength
 
 CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
@@ -113,3 +115,18 @@ def idle(c: Candidate, result: Smoothing) -> bool:
     """Whether a model that has a candidate would be as good without it; of couplings, which have no strength, nobody can say."""
     told = {n: c.neutral(n) for n in c.strengths if n in result.parameters and result.parameters[n].std is not None}
     return bool(told) and more_probable_at(result, told) > -CLEAR
+
+
+def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Explanation:
+    """Friction whose level hardly hangs on the direction, by less than matters beside the forces there: Coulomb friction of the mean."""
+    for word, plus, minus in (("f_c", "f_plus", "f_minus"), ("tau_c", "tau_plus", "tau_minus")):
+        both = [e.parameters[n] for n in (plus, minus) if n in e.parameters]
+        if len(both) < 2 or abs(both[0].value - both[1].value) / 2 >= FLOOR * force:
+            continue
+        std = None
+        if both[0].std is not None and both[1].std is not None:
+            r = float(result.correlation.loc[[c.named[plus]], [c.named[minus]]].to_numpy(float)[0, 0])
+            std = float(np.sqrt(both[0].std ** 2 + both[1].std ** 2 + 2 * r * both[0].std * both[1].std)) / 2
+        level = Strength(value=(both[0].value + both[1].value) / 2, std=std, unit=both[0].unit)
+        return replace(e, physics="coulomb_friction", parameters={word: level})
+    return e

@@ -19,7 +19,7 @@ from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from .candidates import Candidate
-from .choice import CLEAR, RIVAL, SAME, chosen, coloured, held_unseen, idle, sound, steady
+from .choice import CLEAR, RIVAL, SAME, chosen, coloured, evened, held_unseen, idle, sound, steady
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
@@ -89,14 +89,16 @@ class Search:
                 more |= self._weighed()
         if time.time() > self.end:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
-        self._renew()
+        self._renew(sizes)
         self._limits(found, sizes)
 
-    def _renew(self) -> None:
-        """What was found first has the numbers that it has beside what was found later."""
+    def _renew(self, sizes: Sizes) -> None:
+        """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
         for k, (finding, c) in enumerate(zip(self.findings, self.accepted, strict=True)):
-            explanation = replace(finding.explanation, parameters=_strengths(c, self.result))
-            self.findings[k] = replace(finding, explanation=explanation, change="; ".join(_change(c, self.result)))
+            now = replace(finding.explanation, parameters=_strengths(c, self.result))
+            now = evened(now, c, self.result, sizes.forces.get(c.place, 0.0))
+            rivals = tuple(r for r in finding.rivals if (r.place, r.physics) != (now.place, now.physics))
+            self.findings[k] = replace(finding, explanation=now, rivals=rivals, change="; ".join(_change(c, self.result)))
 
     def _scores(self) -> tuple[Linearised, list[Candidate], Screen, Sizes]:
         """The model linearised where it came to rest, all candidates, their scores, and sizes of what is left."""

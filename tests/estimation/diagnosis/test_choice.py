@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.choice import beyond, coloured, held_unseen, matters, simpler_there
+from backsight.estimation.diagnosis.choice import beyond, coloured, evened, held_unseen, matters, simpler_there
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.diagnosis.verdict import Explanation, Strength
 
 
 def screened(place: str, physics: str, gain: float, size: int = 1) -> Screened:
@@ -67,3 +70,20 @@ def test_a_share_of_a_reading_below_the_floor_is_nothing_that_matters(physics, s
 @pytest.mark.parametrize(("friction", "told"), [(0.0, False), (20.0, True)])
 def test_prediction_errors_tell_what_is_left_out_and_nothing_where_nothing_is(friction, told):
     assert coloured(smooth(posed(run(2.0, 2e-3, f_c=friction), W={"carriage": 0.05}))) is told
+
+
+@pytest.mark.parametrize(("minus", "physics"), [(19.5, "coulomb_friction"), (14.0, "asymmetric_friction")])
+def test_friction_is_called_asymmetric_where_its_directions_differ_by_what_matters(minus, physics):
+    named = {"f_plus": "law.f_plus", "f_minus": "law.f_minus"}
+    c = Candidate(place="carriage", family="friction", physics="asymmetric_friction", strengths=tuple(named.values()), named=named)
+    levels = {"f_plus": Strength(value=20.0, std=0.3, unit="N"), "f_minus": Strength(value=minus, std=0.4, unit="N")}
+    e = Explanation(place="carriage", family="friction", physics="asymmetric_friction", parameters=levels)
+    r = 0.5
+    result = SimpleNamespace(correlation=pd.DataFrame([[1.0, r], [r, 1.0]], index=list(named.values()), columns=list(named.values())))
+    found = evened(e, c, result, force=50.0)  # one percent of which are 0.5 N
+    assert found.physics == physics
+    if physics == "coulomb_friction":
+        rng = np.random.default_rng(0)
+        drawn = rng.multivariate_normal([20.0, minus], [[0.09, r * 0.12], [r * 0.12, 0.16]], size=200_000).mean(axis=1)
+        assert found.parameters["f_c"].value == pytest.approx(drawn.mean(), abs=5e-3)
+        assert found.parameters["f_c"].std == pytest.approx(drawn.std(), rel=0.01)
