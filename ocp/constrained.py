@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .blocktridiagonal import BlockTridiagonal, factor, times
 from .evaluated import Linearised
-from .gauss_newton import ROUNDED, SHORTEST, STILL, SUFFICIENT, Descent
+from .gauss_newton import ROUNDED, STILL, SUFFICIENT, Descent
 from .nlp import Nlp, Values
 from .polynomials import Array
 
@@ -30,7 +30,8 @@ Index = NDArray[np.int64]
 FEASIBLE = 1e-8  # largest constraint, in the program's units; a ten-thousandth of the tolerance where that is more
 DEARER = 2.0  # mu over the largest multiplier
 DEPENDENT = 1e-12  # eigenvalues of the border, in units in which its diagonal is one, that are rounding
-CORRECTIONS = 3  # of a step that leads off curved constraints
+CORRECTIONS, WORTH = 3, 0.05  # of a step that leads off curved constraints, of one this long at least
+SHORTEST = 1e-4  # step length at which exact second derivatives lead further
 EPS = float(np.finfo(np.float64).tiny)
 
 
@@ -127,7 +128,7 @@ def _searched(
 
     while length >= SHORTEST and -length * promise > ROUNDED * merit:
         there = _at(nlp, np.clip(here.X + length * s, *bounds), values)
-        for number in range(CORRECTIONS):
+        for number in range(CORRECTIONS if length >= WORTH else 0):
             if not there.finite or (falls(there) and number > 0):
                 break
             back = _at(nlp, np.clip(there.X + kkt.onto(there.c), *bounds), values)
