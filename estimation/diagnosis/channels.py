@@ -24,6 +24,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Changes = Sequence[tuple[float, Callable[[Array, Array], Array]]]
 
 TIMES = 14  # lags and delays looked at
+BEYOND = 3.0  # times the longest of them: where a fit ends
 LONGEST = 0.05  # of a recording: the longest of them
 LIMITS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the largest input: where it may be cut off
 ZONES = (0.003, 0.01, 0.03, 0.06, 0.1, 0.2)  # of the rms input: where it may have no effect
@@ -220,8 +221,9 @@ class _Turned:
 
 def _times(interval: float, duration: float) -> tuple[tuple[float, ...], tuple[float, float, float]]:
     """Lags and delays that are looked at, and guess, least and largest of a fit."""
-    times = np.geomspace(interval / 4, max(LONGEST * duration, interval), TIMES)
-    return tuple(float(t) for t in times), (interval, interval / 50, duration)
+    longest = max(LONGEST * duration, interval)
+    times = np.geomspace(interval / 4, longest, TIMES)
+    return tuple(float(t) for t in times), (interval, interval / 50, BEYOND * longest)
 
 
 def _by(change: Callable[..., Array], t: float, held: bool) -> Callable[[Array, Array], Array]:

@@ -258,26 +258,34 @@ def _compared(
     names: Sequence[str],
     role: str,
 ) -> HeldOut:
-    """Errors of both, of the same windows and rows, and what the difference is worth."""
+    """Errors of both, of the same windows and rows, and what the difference is worth.
+
+    Of an output of which neither tells more, over a span, than that it stays where it was, no error counts.
+    """
     outputs = [q for q in before.problem.dae.outputs if any(q.name in piece.outputs for piece in pieces)]
     index = [[q.name for q in side.problem.dae.outputs].index(o.name) for side in (before, after) for o in outputs]
     first, second = index[: len(outputs)], index[len(outputs) :]
-    squares: list[Array] = []  # per piece (2, outputs, spans, M): mean squares over the rows of a window within a span
+    # per piece (3, outputs, spans, M): mean squares over the rows of a window within a span, of both and of what stays where it was
+    squares: list[Array] = []
     for number, piece in enumerate(pieces):
         a, b = before.errors[number][first], after.errors[number][second]
         both = np.isfinite(a) & np.isfinite(b)
         at = np.minimum(rows[number][:, None] + np.arange(a.shape[2]), len(piece.time) - 1)
+        y = np.array([piece.outputs.get(q.name, np.full(len(piece.time), np.nan)) for q in outputs])
         since = piece.time[at] - piece.time[at[:, :1]]
         half = float(np.median(np.diff(piece.time))) / 2
         within = np.array([(since > 0) & (since < span + half) for span in spans])
         whole = np.array([piece.time[-1] - piece.time[at[:, 0]] > span - half for span in spans])
         used = both[:, None] & within & whole[:, :, None]
         with np.errstate(invalid="ignore"):
-            squares.append(np.array([mean(np.where(used, e[:, None] ** 2, np.nan)) for e in (a, b)]))
+            errors = a, b, y[:, at] - y[:, at[:, :1]]
+            squares.append(np.array([mean(np.where(used, e[:, None] ** 2, np.nan)) for e in errors]))
     every = np.concatenate(squares, axis=3)
-    if not np.isfinite(every).any():
+    if not np.isfinite(every[:2]).any():
         raise SolveError("no window of what was held out could be predicted with both models")
-    rms = np.sqrt(mean(every))
+    rms = np.sqrt(mean(every[:2]))
+    told = ~(rms.min(axis=0) >= np.sqrt(mean(every[2])))
+    told |= not told.any()
     tables = [
         {
             o.name: Errors(unit=o.unit, windows={span: float(v) for span, v in zip(spans, values, strict=True) if np.isfinite(v)})
@@ -286,9 +294,10 @@ def _compared(
         for side in rms
     ]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.log(rms[1] / rms[0])
+        ratio = np.log(rms[1] / rms[0])[told]
     improvement = 100.0 * (1.0 - float(np.exp(np.mean(ratio[np.isfinite(ratio)])))) if np.isfinite(ratio).any() else 0.0
-    gains = [gain for part in squares for gain in block_gains(part, mean(every))]
+    told_squares = [np.where(told[:, :, None], part[:2], np.nan) for part in squares]
+    gains = [gain for part in told_squares for gain in block_gains(part, mean(every[:2]))]
     return HeldOut(
         before=tables[0],
         after=tables[1],

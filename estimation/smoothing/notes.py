@@ -19,7 +19,7 @@ from .agreement import contradictions, nothing_there
 from .along import forces
 from .mesh_error import allowed
 from .outliers import outlier_notes
-from .rest import ROOM, near_rest
+from .rest import near_rest
 from .suppositions import bound_notes, colour, supposed_notes
 from .undetermined import open_combinations
 from .unseen import unseen_states
@@ -182,7 +182,7 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
     if share > 0:
         found.append(
             f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: the residual force has as much room "
-            f"there as the law is strong, or {ROOM:.0f} times W, and these stretches say hardly anything about the parameters."
+            "more there as the law is strong, and these stretches say hardly anything about the parameters."
         )
     for name, error in run.mesh_error.items():
         if error > allowed(solution, name):

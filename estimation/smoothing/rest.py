@@ -27,7 +27,6 @@ Room = NDArray[np.bool_]
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
-ROOM = 50.0  # factor on the standard deviation of a residual force near rest, at least
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
 TINY = 1e-300  # strength that still marks an interval near rest
@@ -138,9 +137,12 @@ def _velocity_std(problem: Problem, law: FrictionLaw, followed: Followed, number
 
 
 def with_room(force_std: Array, at_rest: Array) -> Array:
-    """Standard deviations in every interval from those of the places (n_soft,) and those `open_at_rest`; (n_soft, N)."""
-    std = np.broadcast_to(force_std[:, None], at_rest.shape)
-    return np.where(at_rest > 0, np.maximum(ROOM * std, at_rest), std)
+    """Standard deviations in every interval from those of the places (n_soft,) and those `open_at_rest`; (n_soft, N).
+
+    Both forces act there. More room than the law is strong would cost evidence at every reversal, and laws that hardly stand out of the
+    residual forces would be refused for it.
+    """
+    return np.asarray(np.hypot(force_std[:, None], at_rest), dtype=np.float64)
 
 
 def near_rest(std: Array) -> Room:

@@ -21,7 +21,7 @@ from backsight.ocp.moving.native import native
 from backsight.ocp.moving.stage import Stage
 from backsight.ocp.moving.window import Window
 
-from ..smoothing.rest import DOUBT, NEAR, ROOM, SHARP, TINY, FrictionLaw
+from ..smoothing.rest import DOUBT, NEAR, SHARP, TINY, FrictionLaw
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -75,7 +75,7 @@ class Room:
             room[:ns] += np.where(near, np.maximum(np.abs(f[law, :ns]).max(axis=1), self._marks[law]), 0.0)
             room[ns:] += np.ptp(f[law, ns:], axis=1)
         forces, rows = room[:ns] * np.sqrt(h), window.d[-len(room) :]
-        forces = np.where(forces > 0, np.maximum(ROOM * self.std[:, None], forces), self.std[:, None])
+        forces = np.hypot(forces, self.std[:, None])
         rows[:] = np.where(rows > 0, 1.0 / np.concatenate([forces, np.hypot(self.noise[:, None], room[ns:])]), 0.0)
 
     def _seen(self, window: Window) -> tuple[Array, Array, Array]:

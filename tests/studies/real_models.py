@@ -3,6 +3,8 @@
 double_pendulum    two links under gravity, a geared drive with friction at either joint
 turned_joint       one joint of an arm while the others are held: friction, which may grow with the load, gravity, inertia
 flexible_stage     a geared hub that carries a flexible link, whose strain gauge may lag
+rigid_stage        the same with a link that does not bend
+driven_rotor       a rotor in bearings, and nothing else
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from backsight.models.mechanics.rotational import (
     RotationalFixed,
     RotationalFriction,
     RotationalLoadDependentFriction,
+    RotationalRigid,
     RotationalSpringDamper,
     Torque,
 )
@@ -157,3 +160,51 @@ def flexible_stage(gain: float, lag: float = 0.0) -> Model:
         outputs={"hub": "encoder.phi", "deflection": "link.phi_rel"},
     )
     return stage.insert("sensor:deflection", Lag(tau=lag), name="filter") if lag else stage
+
+
+def rigid_stage(gain: float) -> Model:
+    """Input i [A]; output hub [rad]. The link is rigid, and the place where it might not be."""
+    return Model(
+        name="rigid_stage",
+        components={
+            "motor": GearedMotor(k=gain),
+            "hub": Inertia(J=0.1),
+            "friction": RotationalFriction(),
+            "link": RotationalRigid(),
+            "tip": Inertia(J=0.1),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("motor.flange", "hub.flange"),
+            ("encoder.flange", "hub.flange"),
+            ("hub.flange", "friction.flange_a"),
+            ("friction.flange_b", "ground.flange"),
+            ("hub.flange", "link.flange_a"),
+            ("link.flange_b", "tip.flange"),
+        ],
+        inputs={"i": "motor.i"},
+        outputs={"hub": "encoder.phi"},
+    )
+
+
+def driven_rotor(gain: float) -> Model:
+    """Input i [A]; output phi [rad]. gain [N.m/A] of the motor."""
+    return Model(
+        name="driven_rotor",
+        components={
+            "motor": GearedMotor(k=gain),
+            "rotor": Inertia(J=1e-5),
+            "friction": RotationalFriction(),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("motor.flange", "rotor.flange"),
+            ("encoder.flange", "rotor.flange"),
+            ("rotor.flange", "friction.flange_a"),
+            ("friction.flange_b", "ground.flange"),
+        ],
+        inputs={"i": "motor.i"},
+        outputs={"phi": "encoder.phi"},
+    )

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from concealed_axis import posed, run
 
-from backsight.estimation import Free, smooth
+from backsight.data.generators import actuator as machine
+from backsight.data.generators.run import Conditions
+from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis import refit
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.channels import of_input, of_sensor
@@ -136,6 +138,21 @@ def test_what_is_not_there_has_evidence_against_it_in_whatever_units():
     for name in ("cubic_spring", "spring", "constant_force"):
         c = law(name)
         assert fitted(problem, problem.model, base.solution, c, begun(c, None, {})).evidence < evidence(problem, base)
+
+
+def test_friction_that_hardly_stands_out_of_the_forces_is_borne_out():
+    """4 N of friction under a white force of 1 N sqrt(s): the room that its law has near rest must not cost more than it explains."""
+    conditions = Conditions(duration=8.0, step=4e-3, noise={"x": 2e-6}, process={"carriage": 1.0})
+    driven = machine.record(machine.Carriage(f_c=4.0), seed=3, conditions=conditions)
+    recording = Recording(name="fit", time=driven.time, inputs=driven.inputs, outputs=driven.outputs, output_std={"x": 2e-6})
+    free = {"carriage.m": Free(90.0), "friction.d": Free(250.0), "offset.f": Free(0.0)}
+    without = Problem(model=actuator(), recordings=[recording], parameters={**free, "friction.f_c": 0.0})
+    with_it = replace(without, parameters={**free, "friction.f_c": Free(4.0, min=0.0)})
+    found = smooth(with_it)
+    f_c, gained = found.parameters["friction.f_c"], evidence(with_it, found) - evidence(without, smooth(without))
+    assert abs(f_c.value - 4.0) < 3 * f_c.std
+    # of a linear parameter with unit information: z^2/2 - log(n)/2
+    assert gained == pytest.approx(((f_c.value / f_c.std) ** 2 - np.log(2 * len(driven.time))) / 2, abs=5.0)
 
 
 def test_what_is_settled_starts_where_the_last_fit_ended(lacking):

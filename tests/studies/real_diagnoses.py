@@ -1,0 +1,163 @@
+"""Recorded machines, diagnosed from models that lack what is known to be there: where, what and how strong.
+
+    BACKSIGHT_DATA=/path/to/recordings .venv/bin/python tests/studies/real_diagnoses.py [--jobs 2] [--keep folder] [name of a machine ...]
+
+axis        M. Brunot, A. Janot: a ball screw with a force in and a position out, from mass and viscous friction alone. Known: Coulomb
+            friction 20.4 N with an offset of 3.2 N against it, viscous friction that differs with the direction, 167 and 240 N s/m; 95.1 kg
+pendulum    F. Wiebe et al.: two joints without friction. Known: Coulomb friction in both, 0.21 and 0.17 N.m in slow motion
+stage       a geared hub with a flexible link, taken for rigid, without dry friction. Known: stiffness 23..27 N.m/rad; Coulomb 1.2 N.m
+rotor       H. Andrade: a motor that is held at one place after the other. Known: cogging 72 times a turn, 0.17 A; stiction 0.054 A
+flight      a small quadrotor as a rigid body with four propellers. Known: drag 0.31..0.44 1/s times its mass, in proportion to the velocity
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from real_models import double_pendulum, driven_rotor, rigid_stage
+
+from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
+from backsight.models.plants import actuator, quadrotor
+
+
+def axis(folder: Path) -> Problem:
+    columns = {"time": "t_s", "inputs": {"F": "u_force_N"}, "outputs": {"x": "q_m"}, "std": {"x": 2e-6}}
+    return Problem(
+        model=actuator(),
+        recordings=[
+            Recording.read(folder / "emps/emps_estimation.csv", **columns),
+            Recording.read(folder / "emps/emps_pulses_validation.csv", role="held_out", **columns),
+        ],
+        parameters={"carriage.m": Free(90.0), "friction.d": Free(250.0), "friction.f_c": 0.0, "offset.f": 0.0},
+    )
+
+
+def pendulum(folder: Path) -> Problem:
+    columns = {
+        "time": "t_s",
+        "inputs": {"tau_1": "tau1_meas_Nm", "tau_2": "tau2_meas_Nm"},
+        "outputs": {"q_1": "q1_rad", "q_2": "q2_rad"},
+        "every": 4,
+        "hold": "linear",
+    }
+    slow = folder / "dfki_double_pendulum/A0_20220812_061157_slow_excitation_75s.csv"
+    return Problem(
+        model=double_pendulum(length=0.3, mass=0.6043),
+        recordings=[
+            Recording.read(slow, name="fit", range=(20.0, 35.0), **columns),
+            Recording.read(slow, name="later", role="held_out", range=(35.0, 50.0), **columns),
+        ],
+        parameters={
+            "link_1.m": 0.5594,
+            "link_1.m_y": Free(-0.17),
+            "link_1.J": Free(0.05, min=1e-4),
+            "link_2.m_y": Free(-0.11),
+            "link_2.J": Free(0.024, min=1e-4),
+            "friction_1.d": Free(0.05, min=0.0),
+            "friction_1.tau_c": 0.0,
+            "friction_2.d": Free(0.05, min=0.0),
+            "friction_2.tau_c": 0.0,
+        },
+    )
+
+
+def stage(folder: Path) -> Problem:
+    columns = {"time": "t_s", "inputs": {"i": "i1_A"}, "outputs": {"hub": "hub1_rad"}, "every": 2, "hold": "linear"}
+    file = folder / "quanser_2dof_flexible_link/lqr_steps_20s.csv"
+    return Problem(
+        model=rigid_stage(gain=8.925),
+        recordings=[
+            Recording.read(file, name="fit", range=(0.0, 12.0), **columns),
+            Recording.read(file, name="later", role="held_out", range=(12.0, 20.0), **columns),
+        ],
+        parameters={"hub.J": 0.0635, "tip.J": Free(0.17, min=1e-4), "friction.d": Free(4.0, min=0.0), "friction.tau_c": 0.0},
+    )
+
+
+def rotor(folder: Path) -> Problem:
+    file = folder / "laas_bldc_cogging/quasi_static_mapping_2turns.csv"
+    fit = Recording.read(file, time="t_s", inputs={"i": "iq_A"}, outputs={"phi": "q_rad"}, every=5)
+    return Problem(model=driven_rotor(gain=0.0318), recordings=[fit], parameters={"rotor.J": 4.7e-6, "friction.d": Free(1e-5, min=0.0)})
+
+
+def flight(folder: Path) -> Problem:
+    recordings = [flown(folder / f"crazyflie_flights/brushless_37g_figure8_{name}.csv") for name in ("ts1p0", "ts0p7")]
+    model = quadrotor()
+    given = {"body.m": 0.037, "arm": 0.046, "body.drag_w": 0.0, "body.drag_p": 0.0, "body.drag_q": 0.0, "body.drag_r": 0.0}
+    free = {
+        "body.Ixx": 1.66e-5,
+        "body.Iyy": 1.67e-5,
+        "body.Izz": 2.93e-5,
+        "rotor.gain": 0.7,
+        "rotor.tau": 0.05,
+        "rotor.torque_ratio": 0.006,
+    }
+    parameters = given | {name: Free(value, min=value / 20, max=20 * value) for name, value in free.items()}
+    fit, held_out = recordings
+    return Problem(model=model, recordings=[fit, Recording(**{**vars(held_out), "role": "held_out"})], parameters=parameters)
+
+
+def flown(file: Path) -> Recording:
+    """A log of 500 Hz as 100 Hz, in axes x forward, y to the right and z down, and motors counted as the model's."""
+    rows = pd.read_csv(file).iloc[::5]
+    motors = {"u_1": 4, "u_2": 1, "u_3": 2, "u_4": 3}
+    turned = {"x": 1.0, "y": -1.0, "z": -1.0}
+    return Recording(
+        name=file.name,
+        time=rows["t_s"].to_numpy(),
+        inputs={u: rows[f"pwm{number}_u16"].to_numpy() / 65535 for u, number in motors.items()},
+        outputs={f"a{k}": sign * rows[f"acc_{k}_mps2"].to_numpy() for k, sign in turned.items()}
+        | {rate: turned[k] * rows[f"gyro_{k}_radps"].to_numpy() for rate, k in zip("pqr", "xyz", strict=True)},
+    )
+
+
+MACHINES: dict[str, Callable[[Path], Problem]] = {f.__name__: f for f in (axis, pendulum, stage, rotor, flight)}
+
+
+def told(found: Diagnosis) -> str:
+    """The verdict, what was found, its parameters and what else it could be; what was tried; the repaired model's parameters; held out."""
+    rows = [f"verdict: {found.verdict}"]
+    for x in found.findings:
+        numbers = ", ".join(f"{n} {s.value:.5g} +- {s.std or np.nan:.2g} {s.unit}" for n, s in x.explanation.parameters.items())
+        rows.append(f"  {x.explanation.words}: {numbers}; {x.gain:.0f} nats, {x.regime}, share {x.share}")
+        rows += [f"    or {rival.words}" for rival in x.rivals]
+    rows += [f"  tried {t.explanation.words}: predicted {t.predicted}, fitted {t.fitted}; {t.refused}" for t in found.tried[:30]]
+    rows += [f"  {p.name} {p.value:.5g} +- {p.std or np.nan:.2g}" for p in found.after.parameters.values() if not p.fixed]
+    if found.held_out is not None:
+        rows.append(f"held out: {found.held_out.improvement_percent:.1f} %, p = {found.held_out.p_value:.2g}")
+    return "\n".join([*rows, *found.notes])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("machines", nargs="*", help=f"of {', '.join(MACHINES)}; all by default")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="a folder for finished fits, so that a run that was interrupted goes on")
+    asked = parser.parse_args()
+    if unknown := set(asked.machines) - set(MACHINES):
+        parser.error(f"no machine is called {', '.join(sorted(unknown))}; there are {', '.join(MACHINES)}")
+    folder = Path(os.environ.get("BACKSIGHT_DATA", ""))
+    for name in asked.machines or MACHINES:
+        print(f"\n{name}", flush=True)
+        try:
+            problem = MACHINES[name](folder)
+        except OSError as error:
+            print(f"skipped: {error}; BACKSIGHT_DATA must name the folder of the recordings")
+            continue
+        start = time.perf_counter()
+        clock = lambda words, start=start: print(f"{time.perf_counter() - start:7.1f} {words}", flush=True)  # noqa: E731
+        keep = asked.keep / name if asked.keep else None
+        print(told(diagnose(problem, jobs=asked.jobs, keep=keep, progress=clock)))
+        print(f"{time.perf_counter() - start:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
