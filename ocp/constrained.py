@@ -31,7 +31,10 @@ FEASIBLE = 1e-8  # largest constraint, in the program's units; a ten-thousandth 
 DEARER = 2.0  # mu over the largest multiplier
 DEPENDENT = 1e-12  # eigenvalues of the border, in units in which its diagonal is one, that are rounding
 CORRECTIONS, WORTH = 3, 0.05  # of a step that leads off curved constraints, of one this long at least
-SHORTEST = 1e-4  # step length at which exact second derivatives lead further
+SHORTEST = 1e-4  # step length at which exact second derivatives lead further, as they do after
+TIRED, LITTLE = 8, 0.1  # steps in a row that were as short, or were damped and saved no more, a log-likelihood
+CURVED, STRAIGHT = 0.2, 0.9  # lengths of a step below which the next one is damped more, and above which less
+DAMPED, LEAST_DAMPED = 1e-3, 1e-6  # by how much at first, as a share of the diagonal, and at least
 EPS = float(np.finfo(np.float64).tiny)
 
 
@@ -46,12 +49,14 @@ def descend_on_constraints(
 ) -> Descent:
     """From X = 0 to where the gradient of the Lagrangian is below the tolerance; lower, upper (n + np,).
 
-    What cannot go on (numbers that are not finite, a matrix without an inverse) ends where it is, unsolved.
+    Where a valley bends, steps are damped (D. W. Marquardt, J. SIAM 11, 1963). What cannot go on (numbers that are not finite, a matrix
+    without an inverse, steps that lead nowhere) ends where it is, unsolved.
     """
     evaluated, end = nlp.assembled.evaluated, time.monotonic() + seconds
     equal = [k for k, term in enumerate(nlp.terms) if term.equality]
     here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
-    multipliers, mu, still, solved, acceptable, iteration = np.zeros(nlp.constraint_count), 0.0, False, False, False, 0
+    multipliers, mu, damping, still, solved, acceptable = np.zeros(nlp.constraint_count), 0.0, 0.0, False, False, False
+    iteration, lame = 0, 0
     for iteration in range(limit + 1):
         if not here.finite:
             break
@@ -59,7 +64,9 @@ def descend_on_constraints(
         squares = [part for part in parts if part.number not in equal]
         g = evaluated.gradient(squares)
         try:
-            kkt = _Kkt(nlp, evaluated.squares(squares), [parts[k] for k in equal], lower == upper)
+            H = evaluated.squares(squares)
+            H[:, range(H.shape[1]), range(H.shape[1])] *= 1.0 + damping
+            kkt = _Kkt(nlp, H, [parts[k] for k in equal], lower == upper)
             s, multipliers = kkt.step(g, here.c, lower - here.X, upper - here.X)
         except np.linalg.LinAlgError:
             break
@@ -79,8 +86,12 @@ def descend_on_constraints(
         if there is None:
             acceptable = on_them and slope <= 1e3 * tolerance
             break
-        still = abs(merit - there.merit(mu)) <= STILL * max(abs(merit), 1.0)
-        here = there
+        length, saved = float(np.linalg.norm(there.X - here.X) / np.linalg.norm(s)), merit - there.merit(mu)
+        damping = _damped(damping, length)
+        still, here = abs(saved) <= STILL * max(abs(merit), 1.0), there
+        lame = lame + 1 if length < WORTH or (damping > 0 and saved < LITTLE) else 0
+        if lame == TIRED:
+            break
     return Descent(
         X=here.X, cost=here.cost, iterations=iteration, solved=solved, acceptable=acceptable, finite=here.finite, multipliers=multipliers
     )
@@ -115,6 +126,15 @@ def _at(nlp: Nlp, X: Array, values: Values) -> _Point:
         else:
             cost += float(np.sum(rows**2)) / 2
     return _Point(X, cost, np.concatenate(c))
+
+
+def _damped(damping: float, length: float) -> float:
+    """What to add to the diagonal for the next step, as a share of it, after a step of this length."""
+    if length < CURVED:
+        return max(10 * damping, DAMPED)
+    if length < STRAIGHT:
+        return damping
+    return damping / 10 if damping > LEAST_DAMPED else 0.0
 
 
 def _searched(

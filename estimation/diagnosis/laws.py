@@ -21,7 +21,7 @@ from ..smoothing.rest import ROUNDING, VELOCITY_UNITS
 from .candidates import Candidate, Insert
 from .places import Spot, at_hand, free_name
 
-FINEST = 60.0  # periods in the span of the positions, at most
+FINEST = 60.0  # periods in the span of the positions up to which all are looked at
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
 SHAPES = 7
 STOPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)  # of the way: where a stop begins
@@ -30,11 +30,12 @@ SOFT = 1e-14  # N/m or N.m/rad: a stop that is none
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """How a place moved: rms velocity, least and largest position [SI]."""
+    """How a place moved: rms velocity, least and largest position [SI]; fine: periods [m or rad] at which what is left over waves most."""
 
     v_rms: float
     low: float
     high: float
+    fine: tuple[float, ...] = ()
 
     @property
     def span(self) -> float:
@@ -145,7 +146,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         make=_component("Cogging", "RotationalCogging"),
         strengths=("amplitude",),
         one_sided=False,
-        shapes=lambda m: {"period": _periods(m)},
+        shapes=lambda m: {"period": (*_periods(m), *m.fine)},
         quadrature="phase",
         carrier=("constant_force", "f"),
     ),

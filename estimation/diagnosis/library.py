@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from backsight.models import Dae, Model
@@ -18,10 +20,11 @@ from .candidates import Candidate, Exchange
 from .channels import of_alike, of_input, of_sensor
 from .couplings import of_coupling, of_soft
 from .frames import of_frames
-from .laws import AGAINST_GROUND, BETWEEN, Motion, of_law
+from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, of_law
 from .loads import of_loads
 from .places import Spot, bodies, elements
 from .presliding import of_presliding
+from .waves import fine_periods
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -181,7 +184,23 @@ class _Motions:
                 s.append(along(dae, position, self._followed, number, times, self._solution.parameters).ravel())
         rms = float(np.sqrt(np.mean(np.concatenate(v) ** 2)))
         where = np.concatenate(s) if s else np.zeros(1)
-        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max())) if rms > 0 else None
+        if not rms > 0:
+            return None
+        fine = self._fine(spot.name, position) if len(spot.flanges) == 1 and position is not None else ()
+        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), fine=fine)
+
+    def _fine(self, place: str, position: Any) -> tuple[float, ...]:
+        """Periods at which the residual force of a place waves along the way of the longest recording."""
+        t = self._solution.transcription
+        k = next((k for k, p in enumerate(t.dae.places) if p.name == place and k in t.soft), None)
+        if k is None:
+            return ()
+        number = max(range(len(t.horizons)), key=lambda n: len(t.horizons[n].time))
+        times = (t.horizons[number].time[1:] + t.horizons[number].time[:-1]) / 2
+        wanted = ca.vertcat(position, t.dae.undisturbed(t.dae.residual[t.dae.rows_of([k])]))
+        where, force = along(t.dae, wanted, self._followed, number, times, self._solution.parameters)
+        told = np.isfinite(where) & np.isfinite(force)
+        return fine_periods(where[told], force[told], FINEST) if told.sum() > 1 else ()
 
     def _named(self, dae: Dae, spot: Spot) -> tuple[object | None, object | None]:
         variables = dae.variables

@@ -51,6 +51,7 @@ PAID = 0.01  # the share of the cost that one must save for another one to be wo
 STARTS = 3  # descents, at most, until one is as tight as
 NEAR = 0.05  # which a model may strain that leaves something out, wherever it starts
 SPREAD = 4.0  # factor on a parameter, up or down, from start to start
+SAME = 1e-2  # relative difference of the costs of two ends that are one
 DRIVEN = (0.01, 0.1**1.5, 0.1)  # shares at which descents begin where the unseen was driven, and
 CLEAN = 1.2  # squares per sample at which none of them needs another one
 OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
@@ -99,9 +100,14 @@ def approach(
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
         begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
         found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain))
-        if found[-1].share <= NEAR:
+        if found[-1].share <= NEAR or any(_the_same(found[-1], other) for other in found[:-1]):
             break
     return _ended(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters, own)
+
+
+def _the_same(one: Approach, other: Approach) -> bool:
+    """Whether two starts came to one end: then the model strains, and a third start would end there too."""
+    return one.share == other.share and abs(one.cost - other.cost) <= SAME * other.cost
 
 
 def _from_search(

@@ -6,7 +6,7 @@ axis        M. Brunot, A. Janot: a ball screw with a force in and a position out
             friction 20.4 N with an offset of 3.2 N against it, viscous friction that differs with the direction, 167 and 240 N s/m; 95.1 kg
 pendulum    F. Wiebe et al.: two joints without friction. Known: Coulomb friction in both, 0.21 and 0.17 N.m in slow motion
 stage       a geared hub with a flexible link, taken for rigid, without dry friction. Known: stiffness 23..27 N.m/rad; Coulomb 1.2 N.m
-rotor       H. Andrade: a motor that is held at one place after the other. Known: cogging 72 times a turn, 0.17 A; stiction 0.054 A
+rotor       H. Andrade: a motor at one turn a second. Known: cogging 72 times a turn, 0.17 A at 0.032 N.m/A; stiction 0.054 A
 flight      a small quadrotor as a rigid body with four propellers. Known: drag 0.31..0.44 1/s times its mass, in proportion to the velocity
 """
 
@@ -82,9 +82,16 @@ def stage(folder: Path) -> Problem:
 
 
 def rotor(folder: Path) -> Problem:
-    file = folder / "laas_bldc_cogging/quasi_static_mapping_2turns.csv"
-    fit = Recording.read(file, time="t_s", inputs={"i": "iq_A"}, outputs={"phi": "q_rad"}, every=5)
-    return Problem(model=driven_rotor(gain=0.0318), recordings=[fit], parameters={"rotor.J": 4.7e-6, "friction.d": Free(1e-5, min=0.0)})
+    file = folder / "laas_bldc_cogging/speed_pi_1rps.csv"
+    columns = {"time": "t_s", "inputs": {"i": "iq_A"}, "outputs": {"phi": "q_rad"}}
+    return Problem(
+        model=driven_rotor(gain=0.0318),
+        recordings=[
+            Recording.read(file, name="fit", range=(1.0, 7.0), **columns),
+            Recording.read(file, name="later", role="held_out", range=(7.0, 12.0), **columns),
+        ],
+        parameters={"rotor.J": Free(4.7e-6, min=1e-7), "friction.d": Free(1e-5, min=0.0), "friction.tau_c": 0.0},
+    )
 
 
 def flight(folder: Path) -> Problem:
