@@ -31,12 +31,11 @@ SAME = 0.99999  # correlation of two effects of which one fit stands for both
 def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
 
-    The best of all, and the best of every place: what no output shows at once is scored less well than it fits.
+    The best of all, and the best of every place: what no output shows at once is scored less well than it fits. Beside a law of several
+    strengths the simplest of its family is fitted too: scores go by straight lines, and the richer one may end in a worse valley.
     """
-    worth = list[Screened]()
-    for s in found.found:
-        if found.chance(s.gain) > SURE or beyond(s) or not matters(s, sizes):
-            continue
+    worth, likely = list[Screened](), [s for s in found.found if found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)]
+    for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
             if (s.candidate.rank, s.candidate.size) < (worth[same].candidate.rank, worth[same].candidate.size):
@@ -50,7 +49,15 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
         if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
             best.append(s)
             places[s.candidate.place] += 1
-    return best
+    plain = [simplest_beside(s, likely) for s in best]
+    return best + [s for k, s in enumerate(plain) if s is not None and s not in best and s not in plain[:k]]
+
+
+def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:
+    """The best candidate of the same family and place with fewer strengths, if it gains a good part of as much."""
+    c = s.candidate
+    there = [o for o in others if (o.candidate.place, o.candidate.family) == (c.place, c.family) and o.candidate.size < c.size]
+    return max((o for o in there if o.gain >= WORTH * s.gain), key=lambda o: o.gain, default=None)
 
 
 def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:
