@@ -1,7 +1,8 @@
 """Room for residual forces near rest, stage by stage: what `smoothing/rest.py` says of a whole horizon, for a window.
 
 A velocity is near zero in a stage where it changes its sign, falls below its own change or below NEAR widths of the rounded sign; and from
-there on as long as it cannot be told from zero. There the balances that the law enters get as much room as the law is strong.
+there on as long as it cannot be told from zero. There the balances that the law enters get as much room as the law is strong, or ROOM
+times their own where that is more: evidences are not compared here, and one step a sample arrives across a reversal only in much room.
 
 A reading that sees the law's force at once, as an accelerometer does, sees it at an instant. What the rounded sign makes of that force
 within the stage is the rounding's, not the machine's, and the reading may be wrong by it: taken at its word it would tell within a hair
@@ -26,6 +27,7 @@ from ..smoothing.rest import DOUBT, NEAR, SHARP, TINY, FrictionLaw
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 LOOKED_AT = (0.0, 0.5, 1.0)  # places of a stage
+ROOM = 50.0  # factor on the standard deviation of a residual force near rest, at least
 
 
 class Room:
@@ -75,7 +77,7 @@ class Room:
             room[:ns] += np.where(near, np.maximum(np.abs(f[law, :ns]).max(axis=1), self._marks[law]), 0.0)
             room[ns:] += np.ptp(f[law, ns:], axis=1)
         forces, rows = room[:ns] * np.sqrt(h), window.d[-len(room) :]
-        forces = np.hypot(forces, self.std[:, None])
+        forces = np.where(forces > 0, np.maximum(ROOM * self.std[:, None], forces), self.std[:, None])
         rows[:] = np.where(rows > 0, 1.0 / np.concatenate([forces, np.hypot(self.noise[:, None], room[ns:])]), 0.0)
 
     def _seen(self, window: Window) -> tuple[Array, Array, Array]:

@@ -54,8 +54,7 @@ def test_a_reading_of_the_acceleration_is_as_uncertain_as_the_rounded_sign_chang
     assert 1 / window.d[-1, 2] > 20 * NOISE[1]
     np.testing.assert_allclose(1 / window.d[-2], NOISE[0])
     # the balance has room for the whole law where the velocity falls below its change, and none far from zero
-    both = np.hypot(STD, F_C * STEP**0.5)
-    np.testing.assert_allclose(1 / window.d[-3], [STD, both, both, both], rtol=1e-5)
+    np.testing.assert_allclose(1 / window.d[-3], [STD, F_C * STEP**0.5, F_C * STEP**0.5, F_C * STEP**0.5], rtol=1e-5)
 
 
 def test_a_reading_that_is_missing_stays_missing():
