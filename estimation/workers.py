@@ -5,15 +5,20 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import socket
-from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from typing import Any
+from itertools import islice
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from backsight.models.errors import InputError
 
 CONNECT_SECONDS = 5.0
+K = TypeVar("K")
+T = TypeVar("T")
+
+AHEAD = 64  # calls that a cluster has at hand
 
 
 class Here(Executor):
@@ -27,6 +32,26 @@ class Here(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+def at_hand(jobs: int = 1, scheduler: str | None = None) -> int:
+    """How many calls to have submitted at once, so that nobody waits for the next one."""
+    return AHEAD if scheduler else 1 if jobs == 1 else 2 * jobs
+
+
+def as_finished(pool: Executor, calls: Iterable[tuple[K, Callable[[], T]]], ahead: int) -> Iterator[tuple[K, T]]:
+    """The key and the result of every call, as it is finished; the next call is drawn when fewer than `ahead` are under way.
+
+    Raises what a call raises.
+    """
+    left, under_way = iter(calls), dict[Future[T], K]()
+    while True:
+        for key, call in islice(left, ahead - len(under_way)):
+            under_way[pool.submit(call)] = key
+        if not under_way:
+            return
+        for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+            yield under_way.pop(future), future.result()
 
 
 def check_jobs(jobs: int) -> None:

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from backsight.models import Component, Dae, Equation, Model, Parameter, Translational, Variable, compile_model, equal, law
+from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed, RotationalSpringDamper, Torque
 from backsight.models.mechanics.translational import (
     AccelerationSensor,
@@ -129,6 +130,40 @@ def soft_drive() -> Model:
         inputs={"tau": "source.tau"},
         outputs={"phi": "encoder.phi"},
     )
+
+
+def pendulum(bob: PointMass | None = None, rod: Rod | None = None) -> Model:
+    """A point mass on a rod in Cartesian coordinates: index three, two invariants."""
+    return Model(
+        name="pendulum",
+        components={"bob": bob or PointMass(), "rod": rod or Rod(), "pivot": PlanarFixed()},
+        connections=[("bob.point", "rod.point_a"), ("rod.point_b", "pivot.point")],
+        outputs={"x": "bob.x", "y": "bob.y"},
+    )
+
+
+def swung(dae: Dae, noise: float = 0.0) -> Horizon:
+    """The pendulum of length 1 m as it was seen for 0.2 s, with normal noise [m]; nobody knows where it started."""
+    time = np.linspace(0.0, 0.2, 9)
+    angle = 0.5 + 0.1 * np.sin(6 * time)
+    y = np.column_stack([np.sin(angle), -np.cos(angle)]) + noise * np.random.default_rng(0).normal(size=(9, 2))
+    return Horizon(
+        mesh=Mesh(time[::2]),
+        time=time,
+        inputs=np.empty((9, 0)),
+        target=y,
+        target_std=np.full(y.shape, 1e-2),
+        initial=np.zeros(len(dae.states)),
+        initial_std=np.full(len(dae.states), np.inf),
+    )
+
+
+def near_the_swing(dae: Dae, index: np.ndarray, size: int) -> np.ndarray:
+    """Decisions (size,) from which `swung` is solved: the bob where it is about; index (local, N) of the intervals' unknowns."""
+    start = np.zeros(size)
+    for i, q in enumerate(dae.states):
+        start[index[i]] = {"bob.x": 0.48, "bob.y": -0.87}.get(q.name, 0.1)
+    return start
 
 
 def compiled(model: Model) -> Dae:

@@ -49,8 +49,11 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
         if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
             best.append(s)
             places[s.candidate.place] += 1
-    plain = [simplest_beside(s, likely) for s in best]
-    return best + [s for k, s in enumerate(plain) if s is not None and s not in best and s not in plain[:k]]
+    for s in tuple(best):
+        simple = simplest_beside(s, likely)
+        if simple is not None and simple not in best:
+            best.append(simple)
+    return best
 
 
 def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:

@@ -22,7 +22,7 @@ from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..smoothing.unseen import unseen_states
-from ..workers import workers
+from ..workers import at_hand, workers
 from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
@@ -63,7 +63,17 @@ def diagnose(
         kept = Keep(keep, posed)
         steadied = with_offsets(posed)
         first, settings = _base(steadied, kept, say)
-        search = Search(problem=steadied, model=problem.model, result=first, say=say, pool=pool, kept=kept, settings=settings, end=end)
+        search = Search(
+            problem=steadied,
+            model=problem.model,
+            result=first,
+            say=say,
+            pool=pool,
+            ahead=at_hand(jobs, scheduler),
+            kept=kept,
+            settings=settings,
+            end=end,
+        )
         search.run()
     verdict, first = search.verdict(), without_offsets(first)
     notes = [split] if split else []

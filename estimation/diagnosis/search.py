@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -18,6 +18,7 @@ from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
+from ..workers import as_finished
 from .candidates import Candidate
 from .choice import CLEAR, RIVAL, SAME, chosen, coloured, evened, held_unseen, idle, sound, steady
 from .keep import Keep
@@ -62,6 +63,7 @@ class Search:
     result: Smoothing
     say: Progress
     pool: Executor
+    ahead: int
     kept: Keep
     settings: Settings = QUICKLY
     end: float = math.inf
@@ -176,21 +178,19 @@ class Search:
         before = repr((sorted(values.items()), [f.change for f in self.findings], self.settings.weigh))
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
-        open_ones = [(name, c.sent, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
-        shares = [max(LONGEST, 1.0 / (len(open_ones) - k + 1)) for k in range(len(open_ones))]
-        futures = {
-            name: self.pool.submit(fitted_there, blob, c, start, self.settings, self.end, share)
-            for (name, c, start), share in zip(open_ones, shares, strict=True)
-        }
-        fits = list[Judged]()
-        for (c, s), name in zip(wanted, names, strict=True):
-            self.say(f"fit {len(fits) + 1} of {len(wanted)}: {c.title}")
-            if name not in found:
-                found[name] = futures[name].result()
-                if not found[name].late:
-                    self.kept.put(name, found[name])
-            fits.append((c, s, found[name]))
-        return fits
+        open_ones = [(name, c, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
+
+        def calls() -> Iterator[tuple[str, Callable[[], Fitted]]]:
+            for k, (name, c, start) in enumerate(open_ones):
+                self.say(f"fit {len(wanted) - len(open_ones) + k + 1} of {len(wanted)}: {c.title}")
+                share = max(LONGEST, 1.0 / (len(open_ones) - k + 1))
+                yield name, partial(fitted_there, blob, c.sent, start, self.settings, self.end, share)
+
+        for name, fit in as_finished(self.pool, calls(), self.ahead):
+            found[name] = fit
+            if not fit.late:
+                self.kept.put(name, fit)
+        return [(c, s, found[name]) for (c, s), name in zip(wanted, names, strict=True)]
 
     def _explains(self, fits: list[Judged], now: float) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.smoother import smooth
 from ..wording import listed
-from ..workers import workers
+from ..workers import as_finished, at_hand, workers
 from .components import Component, Found
 from .estimated import estimated, opened
 from .kkt import sensitivity
@@ -37,7 +38,6 @@ from .words import words
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
 
-AHEAD = 64  # settings that a cluster has at hand
 TIED = 3.0  # log likelihood of what was held out: less makes no difference
 LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
 
@@ -80,7 +80,6 @@ def weigh(
     interrupted study goes on. Raises InputError where the problem cannot be smoothed at all.
     """
     say = progress or (lambda _: None)
-    ahead = AHEAD if scheduler else 1 if jobs == 1 else 2 * jobs
     with workers(jobs, scheduler) as pool:
         recordings, split = with_held_out(problem.recordings)
         told = estimated(replace(problem, recordings=recordings), say)
@@ -92,7 +91,7 @@ def weigh(
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
         unseen = _held_out(posed, recordings, knobs, best, theta, say)
         stand = Stand(fitted=knobs, held_out=unseen, start=best.solution.solved.decisions)
-        outcomes = _solved(stand, settings(knobs.weights, candidates, theta), pool, ahead, keep, say)
+        outcomes = _solved(stand, settings(knobs.weights, candidates, theta), pool, at_hand(jobs, scheduler), keep, say)
     chosen, why = _recommended(outcomes)
     say("smoothing with the recommended weights")
     weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
@@ -141,12 +140,8 @@ def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: in
     found: dict[str, Outcome] = {s.name: kept for s in wanted if (kept := store.get(s)) is not None}
     left = [c for c in chains if any(s.name not in found for s in c)]  # whole: what a chain gives hangs on where it came from
     say(f"setting {len(found)} of {len(wanted)}")
-    waiting = set[Future[list[Outcome]]]()
-    while left or waiting:
-        while left and len(waiting) < ahead:
-            waiting.add(pool.submit(solve, blob, left.pop(0)))
-        done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-        for outcome in chain.from_iterable(future.result() for future in done):
+    for _, outcomes in as_finished(pool, enumerate(partial(solve, blob, c) for c in left), ahead):
+        for outcome in outcomes:
             store.put(outcome)
             found[outcome.setting.name] = outcome
             say(f"setting {len(found)} of {len(wanted)}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from functools import partial
 
 import pytest
 
-from backsight.estimation.workers import workers
+from backsight.estimation.workers import as_finished, at_hand, workers
 from backsight.models.errors import InputError
 
 
@@ -23,6 +24,23 @@ def test_what_a_piece_of_work_raises_is_raised_where_its_answer_is_asked_for(job
         future = pool.submit(divmod, 1, 0)
         with pytest.raises(ZeroDivisionError):
             future.result()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_calls_are_drawn_as_there_is_room_and_every_result_has_its_key(jobs):
+    drawn = list[int]()
+
+    def calls():
+        for k in range(20):
+            drawn.append(k)
+            yield k, partial(divmod, k, 7)
+
+    found = dict[int, tuple[int, int]]()
+    with workers(jobs) as pool:
+        for key, result in as_finished(pool, calls(), at_hand(jobs)):
+            found[key] = result
+            assert len(drawn) - len(found) < at_hand(jobs)
+    assert found == {k: divmod(k, 7) for k in range(20)}
 
 
 @pytest.mark.slow

@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from examples import compiled, lagged, number, random_horizon, stiffening
+from examples import compiled, lagged, near_the_swing, number, pendulum, random_horizon, stiffening, swung
 
-from backsight.models import Model, compile_model
-from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
-from backsight.ocp import Horizon, Mesh, ParameterPrior, Solver, Transcription, transcribe
+from backsight.ocp import ParameterPrior, Solver, Transcription, transcribe
 from backsight.ocp.constrained import _Kkt, descend_on_constraints, supported
 from backsight.ocp.nlp import Values
 
@@ -109,31 +107,12 @@ def test_the_answer_is_on_the_constraints_and_no_direction_there_is_downhill(nam
 
 @pytest.mark.parametrize("method", ["spline", "collocation"])
 def test_what_must_hold_at_the_start_alone_is_held_there(method):
-    model = Model(
-        name="pendulum",
-        components={"bob": PointMass(), "rod": Rod(), "pivot": PlanarFixed()},
-        connections=[("bob.point", "rod.point_a"), ("rod.point_b", "pivot.point")],
-        outputs={"x": "bob.x", "y": "bob.y"},
-    )
-    dae = compile_model(model)
+    dae = compiled(pendulum())
     assert dae.invariants.shape[0] > 0
-    time = np.linspace(0.0, 0.2, 9)
-    angle = 0.5 + 0.1 * np.sin(6 * time)
-    y = np.column_stack([np.sin(angle), -np.cos(angle)])
-    h = Horizon(
-        mesh=Mesh(time[::2]),
-        time=time,
-        inputs=np.empty((9, 0)),
-        target=y,
-        target_std=np.full(y.shape, 1e-2),
-        initial=np.zeros(len(dae.states)),
-        initial_std=np.full(len(dae.states), np.inf),
-    )
+    h = swung(dae)
     prior = ParameterPrior(mean=np.array([1.0]), std=np.array([0.1]))
     t = transcribe(dae, [h], free=(0,), prior=prior, force_std={0: 0.5, 1: 0.5}, method=method, degree=2)
-    start = np.zeros(t.nlp.size)
-    for i, q in enumerate(dae.states):
-        start[t.nlp.index[i]] = {"bob.x": 0.48, "bob.y": -0.87}.get(q.name, 0.1)
+    start = near_the_swing(dae, t.nlp.index, t.nlp.size)
     lower, upper = bounds(t)
     numbers = t.nlp.values(np.array([p.value for p in dae.parameters]))
     start[-1] = numbers.parameters[0]

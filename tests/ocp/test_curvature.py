@@ -7,13 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, D, K, M, compiled, lagged, number, oscillator, random_horizon, stiffening
+from examples import (
+    OFFSET,
+    D,
+    K,
+    M,
+    compiled,
+    lagged,
+    near_the_swing,
+    number,
+    oscillator,
+    pendulum,
+    random_horizon,
+    stiffening,
+    swung,
+)
 from linear_runs import ALL_FREE, STD, STEP, many, problem
 
 from backsight.estimation import Free, Weights
 from backsight.estimation.smoothing.program import Settings
-from backsight.models import Model, compile_model
-from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
 from backsight.ocp.curvature import Curvature, curvature, determined_variance
 from backsight.ocp.ipopt import Solved
@@ -290,34 +302,15 @@ def test_outputs_and_states_that_the_data_show_keep_their_bands_where_another_st
 
 
 def test_an_index_three_model_with_invariants_has_the_dense_covariance():
-    pendulum = Model(
-        name="pendulum",
-        components={"bob": PointMass(), "rod": Rod(), "pivot": PlanarFixed()},
-        connections=[("bob.point", "rod.point_a"), ("rod.point_b", "pivot.point")],
-        outputs={"x": "bob.x", "y": "bob.y"},
-    )
-    dae = compile_model(pendulum)
+    dae = compiled(pendulum())
     assert dae.invariants.shape[0] > 0
-    rng, time = np.random.default_rng(0), np.linspace(0.0, 0.2, 9)
-    angle = 0.5 + 0.1 * np.sin(6 * time)
-    y = np.column_stack([np.sin(angle), -np.cos(angle)]) + 1e-3 * rng.normal(size=(9, 2))
-    h = Horizon(
-        mesh=Mesh(time[::2]),
-        time=time,
-        inputs=np.empty((9, 0)),
-        target=y,
-        target_std=np.full(y.shape, 1e-2),
-        initial=np.zeros(len(dae.states)),
-        initial_std=np.full(len(dae.states), np.inf),
-    )
+    h = swung(dae, noise=1e-3)
     nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
     for force_std in ({0: 0.5, 1: 0.5}, {}):
         t = transcribe(dae, [h], free=(), prior=nothing, force_std=force_std, method="collocation")
         solver = Solver(t.nlp)
         values = t.nlp.values(np.array([p.value for p in dae.parameters]))
-        start = np.zeros(t.nlp.size)
-        for i, q in enumerate(dae.states):
-            start[t.nlp.index[i]] = {"bob.x": 0.48, "bob.y": -0.87}.get(q.name, 0.1)
+        start = near_the_swing(dae, t.nlp.index, t.nlp.size)
         low = np.full(t.nlp.size, -np.inf)
         solved = solver.solve(start, values, lower=low, upper=-low)
         assert solved.status.converged

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from real_models import double_pendulum, driven_rotor, rigid_stage
+from real_recordings import PENDULUM, STAGE, fit_and_later
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
 from backsight.models.plants import actuator, quadrotor
@@ -40,20 +41,10 @@ def axis(folder: Path) -> Problem:
 
 
 def pendulum(folder: Path) -> Problem:
-    columns = {
-        "time": "t_s",
-        "inputs": {"tau_1": "tau1_meas_Nm", "tau_2": "tau2_meas_Nm"},
-        "outputs": {"q_1": "q1_rad", "q_2": "q2_rad"},
-        "every": 4,
-        "hold": "linear",
-    }
     slow = folder / "dfki_double_pendulum/A0_20220812_061157_slow_excitation_75s.csv"
     return Problem(
         model=double_pendulum(length=0.3, mass=0.6043),
-        recordings=[
-            Recording.read(slow, name="fit", range=(20.0, 35.0), **columns),
-            Recording.read(slow, name="later", role="held_out", range=(35.0, 50.0), **columns),
-        ],
+        recordings=fit_and_later(slow, 20.0, 35.0, 50.0, every=4, **PENDULUM),
         parameters={
             "link_1.m": 0.5594,
             "link_1.m_y": Free(-0.17),
@@ -69,14 +60,10 @@ def pendulum(folder: Path) -> Problem:
 
 
 def stage(folder: Path) -> Problem:
-    columns = {"time": "t_s", "inputs": {"i": "i1_A"}, "outputs": {"hub": "hub1_rad"}, "every": 2, "hold": "linear"}
     file = folder / "quanser_2dof_flexible_link/lqr_steps_20s.csv"
     return Problem(
         model=rigid_stage(gain=8.925),
-        recordings=[
-            Recording.read(file, name="fit", range=(0.0, 12.0), **columns),
-            Recording.read(file, name="later", role="held_out", range=(12.0, 20.0), **columns),
-        ],
+        recordings=fit_and_later(file, 0.0, 12.0, 20.0, every=2, **STAGE),
         parameters={"hub.J": 0.0635, "tip.J": Free(0.17, min=1e-4), "friction.d": Free(4.0, min=0.0), "friction.tau_c": 0.0},
     )
 
@@ -86,10 +73,7 @@ def rotor(folder: Path) -> Problem:
     columns = {"time": "t_s", "inputs": {"i": "iq_A"}, "outputs": {"phi": "q_rad"}}
     return Problem(
         model=driven_rotor(gain=0.0318),
-        recordings=[
-            Recording.read(file, name="fit", range=(1.0, 7.0), **columns),
-            Recording.read(file, name="later", role="held_out", range=(7.0, 12.0), **columns),
-        ],
+        recordings=fit_and_later(file, 1.0, 7.0, 12.0, **columns),
         parameters={"rotor.J": Free(4.7e-6, min=1e-7), "friction.d": Free(1e-5, min=0.0), "friction.tau_c": 0.0},
     )
 

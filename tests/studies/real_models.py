@@ -9,6 +9,7 @@ driven_rotor       a rotor in bearings, and nothing else
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import pi
 from typing import Any
 
@@ -134,29 +135,18 @@ def flexible_stage(gain: float, lag: float = 0.0) -> Model:
 
     gain [N.m/A] of motor and gear at the hub; lag [s] of the strain gauge's filter, 0: none.
     """
-    stage = Model(
-        name="flexible_stage",
-        components={
-            "motor": GearedMotor(k=gain),
-            "hub": Inertia(J=0.1),
-            "friction": RotationalFriction(),
-            "offset": ConstantTorque(),
-            "link": RotationalSpringDamper(k=30.0),
-            "tip": Inertia(J=0.1),
-            "ground": RotationalFixed(),
-            "encoder": AngleSensor(),
-        },
-        connections=[
-            ("motor.flange", "hub.flange"),
-            ("encoder.flange", "hub.flange"),
-            ("hub.flange", "friction.flange_a"),
-            ("friction.flange_b", "ground.flange"),
+    stage = _driven(
+        "flexible_stage",
+        gain,
+        body="hub",
+        J=0.1,
+        beside={"offset": ConstantTorque(), "link": RotationalSpringDamper(k=30.0), "tip": Inertia(J=0.1)},
+        joined=[
             ("hub.flange", "offset.flange_a"),
             ("offset.flange_b", "ground.flange"),
             ("tip.flange", "link.flange_a"),
             ("link.flange_b", "hub.flange"),
         ],
-        inputs={"i": "motor.i"},
         outputs={"hub": "encoder.phi", "deflection": "link.phi_rel"},
     )
     return stage.insert("sensor:deflection", Lag(tau=lag), name="filter") if lag else stage
@@ -164,47 +154,50 @@ def flexible_stage(gain: float, lag: float = 0.0) -> Model:
 
 def rigid_stage(gain: float) -> Model:
     """Input i [A]; output hub [rad]. The link is rigid, and the place where it might not be."""
-    return Model(
-        name="rigid_stage",
-        components={
-            "motor": GearedMotor(k=gain),
-            "hub": Inertia(J=0.1),
-            "friction": RotationalFriction(),
-            "link": RotationalRigid(),
-            "tip": Inertia(J=0.1),
-            "ground": RotationalFixed(),
-            "encoder": AngleSensor(),
-        },
-        connections=[
-            ("motor.flange", "hub.flange"),
-            ("encoder.flange", "hub.flange"),
-            ("hub.flange", "friction.flange_a"),
-            ("friction.flange_b", "ground.flange"),
-            ("hub.flange", "link.flange_a"),
-            ("link.flange_b", "tip.flange"),
-        ],
-        inputs={"i": "motor.i"},
+    return _driven(
+        "rigid_stage",
+        gain,
+        body="hub",
+        J=0.1,
+        beside={"link": RotationalRigid(), "tip": Inertia(J=0.1)},
+        joined=[("hub.flange", "link.flange_a"), ("link.flange_b", "tip.flange")],
         outputs={"hub": "encoder.phi"},
     )
 
 
 def driven_rotor(gain: float) -> Model:
     """Input i [A]; output phi [rad]. gain [N.m/A] of the motor."""
+    return _driven("driven_rotor", gain, body="rotor", J=1e-5, outputs={"phi": "encoder.phi"})
+
+
+def _driven(
+    name: str,
+    gain: float,
+    *,
+    body: str,
+    J: float,
+    outputs: Mapping[str, str],
+    beside: Mapping[str, Component] | None = None,
+    joined: Sequence[tuple[str, str]] = (),
+) -> Model:
+    """A motor, friction against the ground and an encoder at the inertia that is driven, and what is beside it."""
     return Model(
-        name="driven_rotor",
+        name=name,
         components={
             "motor": GearedMotor(k=gain),
-            "rotor": Inertia(J=1e-5),
+            body: Inertia(J=J),
             "friction": RotationalFriction(),
             "ground": RotationalFixed(),
             "encoder": AngleSensor(),
+            **(beside or {}),
         },
         connections=[
-            ("motor.flange", "rotor.flange"),
-            ("encoder.flange", "rotor.flange"),
-            ("rotor.flange", "friction.flange_a"),
+            ("motor.flange", f"{body}.flange"),
+            ("encoder.flange", f"{body}.flange"),
+            (f"{body}.flange", "friction.flange_a"),
             ("friction.flange_b", "ground.flange"),
+            *joined,
         ],
         inputs={"i": "motor.i"},
-        outputs={"phi": "encoder.phi"},
+        outputs=outputs,
     )

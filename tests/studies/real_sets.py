@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from real_models import double_pendulum, flexible_stage, turned_joint
+from real_recordings import PENDULUM, STAGE, fit_and_later
 
 from backsight.estimation import Free, OutputFit, Problem, Recording, Smoothing, Weights, smooth
 
@@ -41,18 +42,11 @@ class RealSet:
 
 def pendulum(file: Path) -> Problem:
     """Slow tracked sines: fitted where both joints move most, held out what follows, and faster sines without control on another day."""
-    columns = {
-        "time": "t_s",
-        "inputs": {"tau_1": "tau1_meas_Nm", "tau_2": "tau2_meas_Nm"},
-        "outputs": {"q_1": "q1_rad", "q_2": "q2_rad"},
-        "std": {"q_1": 1.5e-3, "q_2": 1.5e-3},
-        "hold": "linear",
-    }
+    columns = {**PENDULUM, "std": {"q_1": 1.5e-3, "q_2": 1.5e-3}}
     return Problem(
         model=double_pendulum(length=0.3, mass=0.6043),
         recordings=[
-            Recording.read(file, name="fit", range=(20.0, 35.0), every=6, **columns),
-            Recording.read(file, name="later", role="held_out", range=(35.0, 50.0), every=6, **columns),
+            *fit_and_later(file, 20.0, 35.0, 50.0, every=6, **columns),
             Recording.read(file.parent / "A0_20220815_traj00.csv", name="sines", role="held_out", every=4, **columns),
         ],
         parameters={
@@ -102,10 +96,7 @@ def _joint(file: Path, number: str, *, gain: float, std: float, lifted: Mapping[
     }
     return Problem(
         model=turned_joint(gain),
-        recordings=[
-            Recording.read(file, name="fit", range=(0.0, 40.0), **columns),
-            Recording.read(file, name="later", role="held_out", range=(40.0, 58.0), **columns),
-        ],
+        recordings=fit_and_later(file, 0.0, 40.0, 58.0, **columns),
         parameters={
             **lifted,
             "arm.J": Free(3.0, min=1e-3),
@@ -119,20 +110,11 @@ def _joint(file: Path, number: str, *, gain: float, std: float, lifted: Mapping[
 
 def link(file: Path) -> Problem:
     """The first stage of the flexible robot, whose strain gauge is filtered; the second stage rides on its tip and counts as load."""
-    columns = {
-        "time": "t_s",
-        "inputs": {"i": "i1_A"},
-        "outputs": {"hub": "hub1_rad", "deflection": "tip1_deflection_rad"},
-        "std": {"hub": 1e-5, "deflection": 5e-5},
-        "hold": "linear",
-        "every": 5,
-    }
+    outputs = {**STAGE["outputs"], "deflection": "tip1_deflection_rad"}
+    columns = {**STAGE, "outputs": outputs, "std": {"hub": 1e-5, "deflection": 5e-5}, "every": 5}
     return Problem(
         model=flexible_stage(gain=8.925, lag=0.1),
-        recordings=[
-            Recording.read(file, name="fit", range=(0.0, 12.0), **columns),
-            Recording.read(file, name="later", role="held_out", range=(12.0, 20.0), **columns),
-        ],
+        recordings=fit_and_later(file, 0.0, 12.0, 20.0, **columns),
         parameters={
             "hub.J": Free(0.06, min=1e-4),
             "tip.J": Free(0.17, min=1e-4),

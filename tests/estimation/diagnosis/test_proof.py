@@ -57,8 +57,8 @@ def test_errors_of_the_right_model_are_what_noise_and_process_make_them(friction
 
 
 def test_a_repair_of_what_is_not_missing_gains_nothing():
-    found = proven(0.0, 3.0)
-    assert abs(found.improvement_percent) < 5  # what one more number is off by, by chance, at the noise of these windows
+    found = proven(0.0, 6.0)
+    assert abs(found.improvement_percent) < 2
     assert found.p_value > 0.05
 
 

@@ -3,9 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
+from examples import pendulum
 
 from backsight.models import Model, ModelError, compile_model, simulate
-from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
 from backsight.models.mechanics.translational import Damper, Force, Mass, Spring
 from backsight.models.plants import actuator
 
@@ -24,13 +24,7 @@ def models() -> list[Model]:
         inputs={"F": "motor.f"},
         outputs={"x": "b.s"},
     )
-    pendulum = Model(
-        name="pendulum",
-        components={"bob": PointMass(), "rod": Rod(), "pivot": PlanarFixed()},
-        connections=[("bob.point", "rod.point_a"), ("rod.point_b", "pivot.point")],
-        outputs={"x": "bob.x"},
-    )
-    return [actuator(), two, pendulum]
+    return [actuator(), two, pendulum()]
 
 
 @pytest.mark.parametrize("model", models(), ids=lambda model: model.name)

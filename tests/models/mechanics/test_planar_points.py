@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import examples
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,12 +13,7 @@ from backsight.models.mechanics.planar import PlanarFixed, PointMass, Rod
 
 
 def pendulum() -> Model:
-    return Model(
-        name="pendulum",
-        components={"bob": PointMass(m=0.7), "rod": Rod(length=1.3), "pivot": PlanarFixed()},
-        connections=[("bob.point", "rod.point_a"), ("rod.point_b", "pivot.point")],
-        outputs={"x": "bob.x", "y": "bob.y"},
-    )
+    return examples.pendulum(PointMass(m=0.7), Rod(length=1.3))
 
 
 def swing(angle: float) -> dict[str, float]:
