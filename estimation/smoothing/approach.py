@@ -13,7 +13,9 @@ wide as that, so that none runs away while little is known.
 The way is that of graduated non-convexity (Blake & Zisserman, Visual Reconstruction, 1987): the landscape is smooth at first and
 becomes the problem's own. The first step holds the parameters: trajectories bend to where they fit the model before both are free. Where
 a step strains, samples and balances costing far more than while there was room, it is taken back and a smaller one tried: a friction law
-three times as sharp has other valleys, and with much room rotors of no thrust turn a body of no inertia.
+three times as sharp has other valleys, and with much room rotors of no thrust turn a body of no inertia. Where no output shows an attitude
+and a few places strain, these keep room for as much as they are off, and the others go on to be tight: a drag that the model lacks leaves
+the inertias to the balances of the torques.
 
 A part that sticks and slips where no output shows it goes another way for every parameter: it is searched for first (`driven_search.py`),
 and the way begins tight, or its phases would be lost again in all that room. It can still end in the wrong valley where no output shows a
@@ -45,6 +47,7 @@ FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the small
 TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
 BENT = 0.5  # the same where no output shows an attitude: there balances that strain turn what nothing else holds
+FEW = 0.5  # of the places, that may stay loose where they strain while the others go on
 TIGHT = 0.1  # share from which on a descent waits for convergence
 BATCHES = 4  # of Gauss-Newton steps at such a share, at most, and
 PAID = 0.01  # the share of the cost that one must save for another one to be worth its while
@@ -61,12 +64,14 @@ OPTIONS = Options(tolerance=1e-4, gauss_newton_iterations=20, max_passes=1)
 class Approach:
     """Where the balances' own solve starts: trajectories, parameters (np_all,), and place -> the last std of its residual force.
 
-    share: of the forces, that this std is. cost: of samples and balances. unlikely: minus the log of the probability, but for a constant.
+    share: of the forces, that this std is but at places that strain. whole: the std that all of the forces there would be.
+    cost: of samples and balances. unlikely: minus the log of the probability, but for a constant.
     """
 
     followed: Followed
     parameters: Array
     force_std: dict[int, float]
+    whole: dict[int, float]
     share: float
     cost: float
     unlikely: float
@@ -91,7 +96,7 @@ def approach(
     if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
         return _ended(way, laws, parameters, own)
     soft = softened(near) if hidden else near
-    strain = STRAINED if soft is near else BENT
+    strain, opens = (STRAINED, False) if soft is near else (BENT, True)
     for number in range(STARTS if hidden and problem.free else 1):
         start = parameters.copy()
         if number:
@@ -99,7 +104,7 @@ def approach(
             for i in problem.free:
                 start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
         begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
-        found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain))
+        found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain, opens))
         if found[-1].share <= NEAR or any(_the_same(found[-1], other) for other in found[:-1]):
             break
     return _ended(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters, own)
@@ -157,26 +162,31 @@ def _descent(
     telling: Collection[int],
     say: Callable[[str], None],
     strain: float = STRAINED,
+    opens: bool = False,
 ) -> Approach:
-    """One way from loose to tight, but for the telling places, which are tight throughout; it ends where it strains."""
+    """One way from loose to tight, but for the telling places, which are tight throughout; it ends where it strains.
+
+    opens: where single places strain these stay as loose as their forces are off, and the others go on.
+    """
     pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
     steps = np.concatenate([h.mesh.steps for h in horizons])
     count = _count(followed)
-    best, way, program, size, factor = np.inf, None, None, dict[int, float](), FACTOR
+    best, way, program, size, loose, factor = np.inf, None, None, dict[int, float](), dict[int, float](), FACTOR
     share = float(np.clip(share, TIGHTEST, 1.0))
 
     def reached(cost: float) -> Approach:
         unlikely = cost + len(steps) * sum(np.log(s) for s in std.values())
-        return Approach(followed=followed, parameters=parameters, force_std=std, share=share, cost=cost, unlikely=unlikely)
+        return Approach(followed=followed, parameters=parameters, force_std=std, whole=whole, share=share, cost=cost, unlikely=unlikely)
 
     while True:
         room: Array | None = None
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
         now = forces(near, followed, parameters)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
-        shares = {k: TIGHTEST if k in telling else share for k in size}
-        std = {k: max(shares[k] * f * float(np.sqrt(np.median(steps))), least.get(k, 0.0)) for k, f in size.items()}
+        whole = {k: f * float(np.sqrt(np.median(steps))) for k, f in size.items()}
+        shares = {k: TIGHTEST if k in telling else max(share, loose.get(k, 0.0)) for k in size}
+        std = {k: max(shares[k] * f, least.get(k, 0.0)) for k, f in whole.items()}
         if program is None or way is None:
             settings = Settings(options=OPTIONS, method="spline")
             program = make_program(near, settings, horizons, followed, laws, std, parameters, parameters)
@@ -197,18 +207,31 @@ def _descent(
             before, cost = cost, solution.solved.cost
             if solution.solved.status.converged or cost > (1.0 - PAID) * before:
                 break
-        say(f"balances within {100 * share:.3g} % of their forces: cost {cost:.6g}")
-        best = min(best, cost)
-        if 2 * (cost - best) <= strain * count:
+        said = f", {', '.join(near.dae.places[k].name for k in loose)} looser" if loose else ""
+        say(f"balances within {100 * share:.3g} % of their forces{said}: cost {cost:.6g}")
+        squares = _squares(solution) if np.isfinite(cost) else {}
+        strained = cost - sum(float(np.sum(r)) / 2 for k, r in squares.items() if k in loose)
+        best = min(best, strained)
+        if 2 * (strained - best) <= strain * count:
             way = reached(cost)
             if share <= TIGHTEST:
                 return way
         else:
             factor = float(np.sqrt(factor))
+            needed = {k: share * float(np.sqrt(np.mean(r))) for k, r in squares.items() if k not in telling}
+            more = {k: s for k, s in needed.items() if s > share and k not in loose}
+            if opens and more and len(more) + len(loose) <= FEW * len(squares):
+                loose, factor = loose | more, FACTOR
             if factor < LEAST_FACTOR or way.share <= TIGHTEST:
                 return way
         followed, parameters = way.followed, way.parameters
         share = max(way.share / factor, TIGHTEST)
+
+
+def _squares(solution: Solution) -> dict[int, Array]:
+    """Place -> squares of its residual force over the room that it has, (K, N)."""
+    t, rows = solution.transcription, solution.rows[solution.term(solution.transcription.force_term)]
+    return {k: rows[i :: len(t.soft)] ** 2 for i, k in enumerate(t.soft)}
 
 
 def _followed(solution: Solution, before: Followed) -> Followed:

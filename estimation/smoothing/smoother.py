@@ -112,7 +112,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
         begun = approach(plain, followed, laws, start, least, say)
         followed, start, force_std = begun.followed, begun.parameters, begun.force_std
-        floor = {k: RIGID * std / begun.share for k, std in force_std.items()}
+        floor = {k: RIGID * begun.whole[k] for k in force_std}
     else:
         force_std = balance(plain, followed, start).force_std
     if not settings.weigh:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from backsight.data.generators import actuator, drillstring, five_bar, quadrotor, xy_table
+from backsight.data.generators.run import Force
 from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.smoothing.approach import TIGHTEST, Approach, approach
 from backsight.estimation.smoothing.horizons import output_stds
@@ -27,9 +28,11 @@ FREE = {
 }
 
 
-def problem_of(name: str, generator: ModuleType, duration: float, seed: int, **fixed: float) -> tuple[Problem, dict[str, float]]:
+def problem_of(
+    name: str, generator: ModuleType, duration: float, seed: int, force: Force | None = None, **fixed: float
+) -> tuple[Problem, dict[str, float]]:
     """A closed-loop recording of the independent simulator, every parameter guessed three times too large or too small."""
-    run = generator.record(seed=seed, conditions=replace(generator.CONDITIONS, duration=duration))
+    run = generator.record(seed=seed, conditions=replace(generator.CONDITIONS, duration=duration), force=force)
     recording = Recording(name=name, time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
     model, factor = PLANTS[name](), OFF ** (1 if seed % 2 else -1)  # one for all: bodies stay bodies
     truth = {p.name: p.value for p in Problem(model=model, recordings=[recording]).dae.parameters}
@@ -115,3 +118,16 @@ def test_a_model_that_lacks_a_strong_force_stops_before_it_bends_to_the_samples(
     recording = Recording(name="sprung", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
     problem = Problem(model=PLANTS["actuator"](), recordings=[recording], parameters={p: Free(20.0, min=0.0) for p in FREE["actuator"]})
     assert approached(problem).share > TIGHTEST
+
+
+@pytest.mark.slow
+def test_where_no_output_shows_the_attitude_a_place_that_strains_stays_loose_and_the_others_tell_the_parameters():
+    """A drag of 0.45 N s/m that the quadrotor does not know: the forces at its body are off by a fifth, and nothing else is."""
+    problem, truth = problem_of("quadrotor", quadrotor, 10.0, 12, force=lambda *tqv: -0.45 * np.r_[tqv[2][:2], np.zeros(4)])
+    way = approached(problem)
+    room = {problem.dae.places[k].name: std / way.whole[k] for k, std in way.force_std.items()}
+    loose = {"body.f_x", "body.f_y"}
+    assert {name for name, share in room.items() if share > 5 * TIGHTEST} == loose
+    assert [share for name, share in room.items() if name not in loose] == pytest.approx([TIGHTEST] * (len(room) - 2))
+    found = {p.name: float(v) for p, v in zip(problem.dae.parameters, way.parameters, strict=True)}
+    assert {p: found[p] / truth[p] for p in FREE["quadrotor"]} == pytest.approx(dict.fromkeys(FREE["quadrotor"], 1.0), abs=0.1)
