@@ -11,7 +11,7 @@ VENV := .venv
 BUILD := .build
 BIN := $(VENV)/bin
 BARE := $(BUILD)/bare
-CORES := -n auto --dist loadfile
+CORES := -n auto --dist loadfile --no-loadscope-reorder
 PIP := -m pip --disable-pip-version-check --quiet
 export HYPOTHESIS_STORAGE_DIRECTORY := $(CURDIR)/$(BUILD)/hypothesis
 

@@ -139,7 +139,9 @@ def fitted(
         if not settings.weigh:
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
-            weighed, there = _loosely(with_weights_of(begin, now), there, candidate.place, settings)
+            weighed = with_weights_of(begin, now)
+            if candidate.family == "friction":
+                weighed, there = _loosely(weighed, there, candidate.place, settings)
         result = smooth(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
@@ -161,7 +163,7 @@ def _shared(blob: bytes) -> Any:
 
 
 def _loosely(problem: Problem, begin: Begun | None, place: str, settings: Settings) -> tuple[Problem, Begun | None]:
-    """Guesses and a start nearer to the end, where the candidate is at a body of which no output tells: that is led there by and by."""
+    """Guesses and a start nearer to the end, where friction is to hold a body of which no output tells: that is led there by and by."""
     std = problem.weights.W.get(place)
     if begin is None or std is None or place not in hidden(problem):
         return problem, begin
