@@ -20,14 +20,7 @@ class Assembled:
 
     def __init__(self, nlp: Nlp) -> None:
         self._nlp = nlp
-        self.x = ca.MX.sym("X", nlp.size)
-        self.p, (parameters, self._unit, numbers) = _symbols(nlp)
-        step, n = self._unit * self.x, nlp.trajectory_size
-        self._lam_f, self._lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.constraint_count)
         self._blocks = [Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
-        self._places = step[:n], parameters[list(nlp.free)] + step[n:], parameters
-        self._numbers = numbers
-        self._targets, self._scales = [y for _, _, y, _ in numbers], [s for _, _, _, s in numbers]
 
     @cached_property
     def evaluated(self) -> Evaluated:
@@ -39,17 +32,55 @@ class Assembled:
         """Whether no constraint bends."""
         return not any(block.curved for block in self._blocks if block.term.equality)
 
+    # ---- symbols, of the whole program: plain steps need none
+
+    @cached_property
+    def x(self) -> Any:
+        """X."""
+        return ca.MX.sym("X", self._nlp.size)
+
+    @property
+    def p(self) -> Any:
+        """The packed numbers."""
+        return self._packed[0]
+
+    @cached_property
+    def _packed(self) -> tuple[Any, tuple[Any, Any, list[tuple[Any, Any, Any, Any]]]]:
+        return _symbols(self._nlp)
+
+    @property
+    def _unit(self) -> Any:
+        return self._packed[1][1]
+
+    @property
+    def _numbers(self) -> list[tuple[Any, Any, Any, Any]]:
+        return self._packed[1][2]
+
+    @property
+    def _scales(self) -> list[Any]:
+        return [scale for _, _, _, scale in self._numbers]
+
+    @cached_property
+    def _lam_f(self) -> Any:
+        return ca.MX.sym("lam_f")
+
+    @cached_property
+    def _lam_g(self) -> Any:
+        return ca.MX.sym("lam_g", self._nlp.constraint_count)
+
     # ---- expressions, one per term
 
     @cached_property
     def _arguments(self) -> list[Any]:
+        step, n, parameters = self._unit * self.x, self._nlp.trajectory_size, self._packed[1][0]
+        places = step[:n], parameters[list(self._nlp.free)] + step[n:], parameters
         pairs = zip(self._blocks, self._numbers, strict=True)
-        return [block.arguments(*self._places, base, data) for block, (base, data, _, _) in pairs]
+        return [block.arguments(*places, base, data) for block, (base, data, _, _) in pairs]
 
     @cached_property
     def _rows(self) -> list[Any]:
-        parts = zip(self._blocks, self._arguments, self._targets, self._scales, strict=True)
-        return [(block.value(*arguments) - target) * scale for block, arguments, target, scale in parts]
+        parts = zip(self._blocks, self._arguments, self._numbers, strict=True)
+        return [(block.value(*arguments) - target) * scale for block, arguments, (_, _, target, scale) in parts]
 
     @cached_property
     def _jacobians(self) -> list[Any]:

@@ -80,9 +80,11 @@ class Search:
         """Rounds until nothing more is found; then what could not have been seen.
 
         Where weights are held they come from the data as soon as the model bears it: evidences at held weights find what leads most of the
-        forces astray, but what is left of them then they take for an effect too.
+        forces astray, but what is left of them then they take for an effect too. A model that has none at held weights is weighed at once.
         """
-        tried, more = False, True
+        tried, more = not self.settings.weigh and not np.isfinite(evidence(self.problem, self.result)), True
+        if tried:
+            self._weighed()
         while more:
             base, candidates, found, sizes = self._scores()
             more = time.time() < self.end and len(self.findings) < EFFECTS and self._round(base, found, sizes, candidates)

@@ -166,7 +166,8 @@ def _descent(
 ) -> Approach:
     """One way from loose to tight, but for the telling places, which are tight throughout; it ends where it strains.
 
-    opens: where single places strain these stay as loose as their forces are off, and the others go on.
+    opens: where single places strain these stay as loose as their forces are off, and the others go on. Forces count without their means:
+    of thrusts that carry a weight only what they vary by turns the body.
     """
     pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
@@ -182,7 +183,7 @@ def _descent(
     while True:
         room: Array | None = None
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
-        now = forces(near, followed, parameters)
+        now = forces(near, followed, parameters, varying=opens)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         whole = {k: f * float(np.sqrt(np.median(steps))) for k, f in size.items()}
         shares = {k: TIGHTEST if k in telling else max(share, loose.get(k, 0.0)) for k in size}

@@ -99,7 +99,7 @@ class Seen:
 
     def forces(self, parameters: Array) -> Array:
         """Size of the forces in the balances (balances,)."""
-        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters)
+        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters, varying=True)
         return np.array([size[k] for k in self._places(self.rows)])
 
     def share(self, parameters: Array) -> float:
