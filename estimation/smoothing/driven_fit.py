@@ -25,6 +25,7 @@ from backsight.ocp.polynomials import Array
 from ..problem import Free, Problem
 from .along import forces
 from .driven import Driven, Run, simulated
+from .softened import bare_rows
 
 ROUNDS, SAME = 6, 0.02  # of the s_k, at most, and their relative change at which they are as good as settled
 EXACT = 1e-6  # of the forces at a balance: it need not hold better
@@ -98,8 +99,9 @@ class Seen:
         return np.concatenate([r for r, _ in parts], axis=1), np.concatenate([J for _, J in parts], axis=1)
 
     def forces(self, parameters: Array) -> Array:
-        """Size of the forces in the balances (balances,)."""
-        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters, varying=True)
+        """Size of the forces in the balances (balances,); where an attitude turns unseen, without what only carries a weight."""
+        turning = bool(bare_rows(self.problem.dae))
+        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters, varying=turning)
         return np.array([size[k] for k in self._places(self.rows)])
 
     def share(self, parameters: Array) -> float:
