@@ -55,7 +55,7 @@ WHOLE = 0.25  # of the recording: a window longer than that is none
 WINDOWS = 100  # of a recording
 VAGUE = 1.2  # times the median deviation of a state: windows do not begin where a smoother knows less of it
 FEWEST = 0.1  # of the rows of a piece: where fewer are left windows begin anywhere
-GENTLY = (30.0, 5.0, 1.0)  # times the width of what is rounded, on the way of a smoothing that does not arrive at once
+GENTLY = (30.0, 10.0, 5.0, 2.5, 1.0)  # times the width of what is rounded, on the way of a smoothing that does not arrive at once
 SHARPER = 1e-3  # a friction law's width in the windows over that of smoothing
 SEEN = 1e-3  # of what other modes do to the outputs
 
