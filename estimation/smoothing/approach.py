@@ -219,9 +219,8 @@ def _descent(
                 return way
         else:
             factor = float(np.sqrt(factor))
-            needed = {k: share * float(np.sqrt(np.mean(r))) for k, r in squares.items() if k not in telling}
-            more = {k: s for k, s in needed.items() if s > share and k not in loose}
-            if opens and more and len(more) + len(loose) <= FEW * len(squares):
+            more = _straining(squares, share, {*loose, *telling}) if opens else {}
+            if more and len(more) + len(loose) <= FEW * len(squares):
                 loose, factor = loose | more, FACTOR
             if factor < LEAST_FACTOR or way.share <= TIGHTEST:
                 return way
@@ -233,6 +232,12 @@ def _squares(solution: Solution) -> dict[int, Array]:
     """Place -> squares of its residual force over the room that it has, (K, N)."""
     t, rows = solution.transcription, solution.rows[solution.term(solution.transcription.force_term)]
     return {k: rows[i :: len(t.soft)] ** 2 for i, k in enumerate(t.soft)}
+
+
+def _straining(squares: Mapping[int, Array], share: float, others: Collection[int]) -> dict[int, float]:
+    """Place -> what share of its forces its residual force is; of all but the others, where that is more than the share they have."""
+    needed = {k: share * float(np.sqrt(np.mean(r))) for k, r in squares.items() if k not in others}
+    return {k: s for k, s in needed.items() if s > share}
 
 
 def _followed(solution: Solution, before: Followed) -> Followed:
