@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -164,10 +164,11 @@ class Solver:
         if not np.all(np.isfinite(start)):
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
+        near: Solved | None = None
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
-            near = None if exact else self._by_steps(here, lower, upper)
-            if near is not None and self._enough(near, newton):
+            near = near if exact else self._by_steps(here, lower, upper)
+            if near is not None and not exact and self._enough(near, newton):
                 answer = near
             else:
                 near = near if near is None or near.status is not Status.NUMERICS else None
@@ -178,7 +179,7 @@ class Solver:
                 decisions, cost, multipliers = answer.decisions, answer.cost, answer.multipliers
             if progress is not None:
                 progress(f"{'Newton' if exact else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
-            start = decisions.copy()
+            start, near = decisions.copy(), None
             if status.converged:
                 if sought.reached(here.reference[at], decisions[at]):
                     break
@@ -186,7 +187,8 @@ class Solver:
             elif status is Status.INTERRUPTED or exact or not newton or cost > self.options.hopeless:
                 break
             else:
-                exact = True
+                # on from where the steps ended, the terms referred to what was sought and not to that
+                exact, near, start[at] = True, replace(answer, iterations=0), here.reference[at]
         return Solved(
             decisions=decisions,
             cost=cost,
