@@ -34,7 +34,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     The best of all, and the best of every place: what no output shows at once is scored less well than it fits. Beside a law of several
     strengths the simplest of its family is fitted too: scores go by straight lines, and the richer one may end in a worse valley.
     """
-    worth, likely = list[Screened](), [s for s in found.found if found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)]
+    worth, likely = list[Screened](), [s for s in found.found if found.chance(s.worth) <= SURE and not beyond(s) and matters(s, sizes)]
     for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
@@ -42,11 +42,11 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
                 worth[same] = s
         elif not simpler_there(s, found.found):
             worth.append(s)
-    most = max((s.gain for s in worth), default=0.0)
-    best = [s for s in worth if s.gain >= WORTH * most][:FITTED]
+    most = max((s.worth for s in worth), default=0.0)
+    best = [s for s in worth if s.worth >= WORTH * most][:FITTED]
     places = Counter(s.candidate.place for s in best)
     for s in worth:
-        if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
+        if s not in best and s.worth >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
             best.append(s)
             places[s.candidate.place] += 1
     for s in tuple(best):
@@ -60,7 +60,7 @@ def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:
     """The best candidate of the same family and place with fewer strengths, if it gains a good part of as much."""
     c = s.candidate
     there = [o for o in others if (o.candidate.place, o.candidate.family) == (c.place, c.family) and o.candidate.size < c.size]
-    return max((o for o in there if o.gain >= WORTH * s.gain), key=lambda o: o.gain, default=None)
+    return max((o for o in there if o.worth >= WORTH * s.worth), key=lambda o: o.worth, default=None)
 
 
 def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:
@@ -86,7 +86,8 @@ def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:
     """Whether a candidate at the same place gains as much with fewer parameters. What is beyond it, a later round will tell."""
     c = s.candidate
     return any(
-        o.candidate.place == c.place and o.candidate.size < c.size and s.gain - o.gain < RIVAL * (c.size - o.candidate.size) for o in others
+        o.candidate.place == c.place and o.candidate.size < c.size and s.worth - o.worth < RIVAL * (c.size - o.candidate.size)
+        for o in others
     )
 
 
@@ -119,6 +120,11 @@ def sound(c: Candidate, f: Fitted) -> bool:
         return False
     largest = max(abs(p.value - c.neutral(p.name)) for p in told)
     return max(p.std or 0.0 for p in told) < SPREAD * largest
+
+
+def clear(s: Screened | None, gained: float) -> bool:
+    """Whether a fit brought as much evidence as an effect has to, for what that is worth beside residuals that are not white."""
+    return gained > CLEAR * (1.0 if s is None else s.inflation)
 
 
 def idle(c: Candidate, result: Smoothing) -> bool:

@@ -31,6 +31,7 @@ from backsight.ocp.terms import Term
 from ..weighing.kkt import Kkt, gauss_newton
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 SAME = 1e-5  # of a row: more is another model
 
@@ -79,6 +80,24 @@ class Linearised:
         plain = np.sum(columns.squares**2, axis=0) + np.sum((columns.multiplied * self.sizes[:, None]) ** 2, axis=0)
         return Scores(b=G[:-1, -1], G=G[:-1, :-1], plain=plain)
 
+    def effects(self, columns: Columns) -> Array:
+        """What strengths do to all rows, trajectory and parameters projected out: (R + M, n). Its products are G, those with `left` b."""
+        moved = self._kkt.solved(np.concatenate([self._kkt.free[:, None] * (self._J.T @ columns.squares), columns.multiplied]))
+        unknowns = len(self._kkt.free)
+        return np.concatenate([columns.squares - self._J @ moved[:unknowns], -(self._softness[:, None] ** 0.5) * moved[unknowns:]])
+
+    @cached_property
+    def left(self) -> Array:
+        """All rows at the solution, projected like them, (R + M,)."""
+        return self.effects(Columns(squares=self._squares[:, None], multiplied=self._multiplied[:, None]))[:, 0]
+
+    @cached_property
+    def intervals(self) -> Index:
+        """The interval that every one of these rows belongs to, (R + M,)."""
+        terms = self.solution.transcription.nlp.terms
+        parts = [np.repeat(t.interval, t.target.shape[0]) for heavy in (False, True) for t in terms if (t.equality or t.heavy) is heavy]
+        return np.concatenate(parts)
+
     @cached_property
     def residual_forces(self) -> Columns:
         """The residual forces themselves, a column for every place: what a scale of all of them would do."""
@@ -95,8 +114,12 @@ class Linearised:
     @cached_property
     def sizes(self) -> Array:
         """By which the rows that have multipliers are divided, (M,)."""
-        _, _, d = self.solution.solver.kkt(self.solution.solved.decisions, self.solution.values)
+        d = self._softness
         return np.where(d > 0, 1.0 / np.sqrt(np.where(d > 0, d, 1.0)), 1.0)
+
+    @cached_property
+    def _softness(self) -> Array:
+        return np.asarray(self.solution.solver.kkt(self.solution.solved.decisions, self.solution.values)[2])
 
     @cached_property
     def _kkt(self) -> Kkt:

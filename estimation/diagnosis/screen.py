@@ -4,13 +4,22 @@ A candidate with strengths a at a shape gains  max over allowed a of  -b'a - a'G
 squared, and the chance of a gain g anywhere in the library, at any shape, is at most
 
     p(g)  <=  sum over looks of P(chi2_r > 2 g)                     (Bonferroni; r: how many strengths a look tells)
+
+That takes what is left over for white. Where it is not, or where the model leaves out something else as well, a score varies more than G
+says. With c the effect of a candidate as it is found, r what is left over, and b_k the sum of c (r + c) over the k-th of K equal parts of
+the recordings,
+
+    inflation = max(1, sum_k b_k^2 / c'c)
+
+is by how much, and a gain is worth that much less (variance over clusters: H. White, Econometrica 48, 1980; its use for likelihoods that
+leave correlation out: R. E. Chandler, S. Bate, Biometrika 94, 2007).
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -22,23 +31,34 @@ from .score import Columns, Linearised, Scores
 from .supermodel import Look
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are projected out: less is rounding
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 BATCH = 256  # columns at a time
 SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
+PARTS = 25  # of the recordings, long enough that what is left over in one tells little of the next
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screened:
-    """A candidate at its best shape. gain [nats]; estimate, std (n,) of its strengths; freedom: how many of them the recordings tell."""
+    """A candidate at its best shape. gain [nats]; estimate, std (n,) of its strengths; freedom: how many of them the recordings tell.
+
+    inflation: of the variance of its score, over that beside white residuals.
+    """
 
     look: Look
     gain: float
     estimate: Array
     std: Array
     freedom: int
+    inflation: float = 1.0
+
+    @property
+    def worth(self) -> float:
+        """Its gain for what it is worth beside residuals that are not white [nats]."""
+        return self.gain / self.inflation
 
     @property
     def candidate(self) -> Candidate:
@@ -94,7 +114,7 @@ def screen(base: Linearised, looks: Sequence[Look]) -> Screen:
             key = id(look.candidate)
             if key not in best or one.gain > best[key].gain:
                 best[key] = one
-    found = tuple(sorted(best.values(), key=lambda s: (-_adjusted(s), s.candidate.rank)))
+    found = tuple(sorted(_inflated(base, list(best.values())), key=lambda s: (-_adjusted(s), s.candidate.rank)))
     close, first, columns = found[:CLOSE], 0, list[tuple[int, ...]]()
     for s in close:
         columns.append(tuple(range(first, first + len(s.look.columns))))
@@ -128,6 +148,28 @@ def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
     return [look for look in looks if id(look) not in scaling]
 
 
+def _inflated(base: Linearised, found: list[Screened]) -> list[Screened]:
+    """With the inflation of their scores."""
+    of, inflated = {id(s.look): s for s in found}, list[Screened]()
+    for batch in _batches([s.look for s in found]):
+        effects, first = base.effects(Columns.joined([look.columns for look in batch])), 0
+        for look in batch:
+            s, last = of[id(look)], first + len(look.columns)
+            inflated.append(replace(s, inflation=inflation(effects[:, first:last] @ s.estimate, base.left, base.intervals)))
+            first = last
+    return inflated
+
+
+def inflation(effect: Array, left: Array, intervals: Index) -> float:
+    """Of the variance of a score, over that beside white residuals. effect, left, intervals (R,): of every row."""
+    size = float(effect @ effect)
+    if not size > 0:
+        return 1.0
+    last = int(intervals.max()) + 1
+    sums = np.bincount(intervals * min(PARTS, last) // last, weights=effect * (left + effect))
+    return max(1.0, float(sums @ sums) / size)
+
+
 def _batches(looks: Sequence[Look]) -> list[list[Look]]:
     found, size = [list[Look]()], 0
     for look in looks:
@@ -140,7 +182,7 @@ def _batches(looks: Sequence[Look]) -> list[list[Look]]:
 
 
 def _adjusted(s: Screened) -> float:
-    return s.gain - 0.5 * (s.freedom - 1) * float(np.log(max(2.0 * s.gain, 1.0)))
+    return s.worth - 0.5 * (s.freedom - 1) * float(np.log(max(2.0 * s.worth, 1.0)))
 
 
 def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:

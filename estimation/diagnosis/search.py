@@ -20,7 +20,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..workers import as_finished
 from .candidates import Candidate
-from .choice import CLEAR, RIVAL, SAME, chosen, coloured, evened, held_unseen, idle, sound, steady
+from .choice import RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, sound, steady
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
@@ -157,13 +157,13 @@ class Search:
             fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
-        good = [(c, s, f) for c, s, f in fits if f.evidence - now > CLEAR and sound(c, f)]
+        good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f)]
         if not good and (constant := steady(self.result, candidates, sizes)):
             last = self._fits([(c, None) for c in constant])
             now += counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
             self._remember(last, now)
             fits += last
-            good = [(c, s, f) for c, s, f in last if f.evidence - now > CLEAR and sound(c, f)]
+            good = [(c, s, f) for c, s, f in last if clear(s, f.evidence - now) and sound(c, f)]
         if not good:
             return False
         best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, f[0].size, -f[2].evidence))
@@ -197,8 +197,8 @@ class Search:
     def _explains(self, fits: list[Judged], now: float) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
         worst = max(self.left, key=lambda p: self.left[p], default="")
-        for c, _, f in fits:
-            if f.evidence - now > CLEAR and sound(c, f) and f.result is not None and worst in f.result.residual_places:
+        for c, s, f in fits:
+            if clear(s, f.evidence - now) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
                 before = self.result.residual_places[worst].rms
                 if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
                     return True
@@ -252,7 +252,7 @@ class Search:
             *self.findings,
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
-                p_value=found.chance(s.gain) if s is not None else math.nan,
+                p_value=found.chance(s.worth) if s is not None else math.nan,
                 gain=float(f.evidence - now) + whole,
                 change="; ".join(_change(c, f.result)),
                 share=share,

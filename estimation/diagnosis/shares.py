@@ -79,7 +79,7 @@ def limits(found: Screen, sizes: Sizes, units: dict[str, str], skipped: set[tupl
 def _limit(s: Screened, sizes: Sizes, units: dict[str, str], least: float) -> Undetectable:
     c = s.candidate
     path = c.strengths[-1]
-    strength = least * float(s.std[-1])
+    strength = least * float(s.std[-1]) * float(np.sqrt(s.inflation))
     one = np.zeros(len(s.std))
     one[-1] = 1.0
     share = max(sizes.shares(s.look, one).values(), default=0.0)

@@ -24,9 +24,20 @@ class Regression:
     r: np.ndarray
     J: np.ndarray
 
-    def scores(self, columns: Columns) -> Scores:
+    def effects(self, columns: Columns) -> np.ndarray:
         Q, _ = np.linalg.qr(self.J)
-        S = columns.squares - Q @ (Q.T @ columns.squares)
+        return columns.squares - Q @ (Q.T @ columns.squares)
+
+    @property
+    def left(self) -> np.ndarray:
+        return self.effects(Columns(squares=self.r[:, None], multiplied=np.zeros((0, 1))))[:, 0]
+
+    @property
+    def intervals(self) -> np.ndarray:
+        return np.arange(len(self.r))
+
+    def scores(self, columns: Columns) -> Scores:
+        S = self.effects(columns)
         return Scores(b=S.T @ self.r, G=S.T @ S, plain=np.sum(columns.squares**2, axis=0))
 
 
@@ -180,3 +191,37 @@ def test_a_parameter_that_only_scales_what_is_left_over_is_no_suspect_however_mu
     friction = look(forces[:, :1])
     assert told(base, [scaling, other, friction]) == [other, friction]
     assert told(plain, [friction]) == [friction]
+
+
+def memory(seed: int, rows: int, r: float) -> np.ndarray:
+    """Of unit variance, with correlation r from row to row."""
+    e = np.random.default_rng(seed).standard_normal(rows)
+    for k in range(1, rows):
+        e[k] = r * e[k - 1] + np.sqrt(1 - r * r) * e[k]
+    return e
+
+
+@pytest.mark.parametrize("r", [0.0, 0.9])
+def test_a_gain_is_worth_what_it_is_beside_residuals_that_have_a_memory(r):
+    rows, slow = 2000, look(np.sin(np.linspace(0, 9, 2000))[:, None])
+    J = np.random.default_rng(0).standard_normal((rows, 3))
+    found = [screen(Regression(r=memory(seed, rows, r), J=J), [slow]).found[0] for seed in range(400)]
+    likely = chi2.isf(0.05, 1) / 2
+    plain, worth = (np.mean([getattr(s, word) > likely for s in found]) for word in ("gain", "worth"))
+    assert worth < 0.12  # 25 parts tell a variance to a quarter, and with a memory a little less of it
+    assert bool(plain > 0.5) is (r > 0)
+    # the variance of a sum of an autoregression is (1 + r)/(1 - r) times that of white noise; parts of 80 rows miss some of it
+    assert 0.75 < np.mean([s.inflation for s in found]) / ((1 + r) / (1 - r)) < 1.15
+
+
+def test_what_explains_all_that_is_left_is_worth_all_of_its_gain_and_what_stands_for_it_here_and_not_there_less():
+    t = np.linspace(0, 40, 4000)
+    right = np.sign(np.sin(t))
+    alike = right * (t / 40 - 0.2)
+    J = np.random.default_rng(0).standard_normal((len(t), 3))
+    base = Regression(r=np.random.default_rng(1).standard_normal(len(t)) - 0.7 * right, J=J)
+    true, false = screen(base, [look(right[:, None]), look(alike[:, None])]).found
+    assert true.estimate == pytest.approx([0.7], abs=0.06)
+    assert true.inflation < 1.8
+    assert false.gain > 100
+    assert false.inflation > 5
