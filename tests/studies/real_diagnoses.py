@@ -7,7 +7,8 @@ axis        M. Brunot, A. Janot: a ball screw with a force in and a position out
 pendulum    F. Wiebe et al.: two joints without friction. Known: Coulomb friction in both, 0.21 and 0.17 N.m in slow motion
 stage       a geared hub with a flexible link, taken for rigid, without dry friction. Known: stiffness 23..27 N.m/rad; Coulomb 1.2 N.m
 rotor       H. Andrade: a motor at one turn a second. Known: cogging 72 times a turn, 0.17 A at 0.032 N.m/A; stiction 0.054 A
-flight      a small quadrotor as a rigid body with four propellers. Known: drag 0.31..0.44 1/s times its mass, in proportion to the velocity
+flight      a small quadrotor, the speeds of its propellers known. Known: drag in proportion to the velocity, 0.31..0.44 1/s times its mass;
+            4.06e-10 N/rpm2
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pandas as pd
-from real_models import double_pendulum, driven_rotor, rigid_stage
+from real_models import double_pendulum, driven_rotor, flown_body, rigid_stage
 from real_recordings import PENDULUM, STAGE, fit_and_later
+from scipy.spatial.transform import Rotation
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
-from backsight.models.plants import actuator, quadrotor
+from backsight.models.plants import actuator
 
 
 def axis(folder: Path) -> Problem:
@@ -79,33 +82,37 @@ def rotor(folder: Path) -> Problem:
 
 
 def flight(folder: Path) -> Problem:
-    recordings = [flown(folder / f"crazyflie_flights/brushless_37g_figure8_{name}.csv") for name in ("ts1p0", "ts0p7")]
-    model = quadrotor()
-    given = {"body.m": 0.037, "arm": 0.046, "body.drag_w": 0.0, "body.drag_p": 0.0, "body.drag_q": 0.0, "body.drag_r": 0.0}
-    free = {
-        "body.Ixx": 1.66e-5,
-        "body.Iyy": 1.67e-5,
-        "body.Izz": 2.93e-5,
-        "rotor.gain": 0.7,
-        "rotor.tau": 0.05,
-        "rotor.torque_ratio": 0.006,
-    }
-    parameters = given | {name: Free(value, min=value / 20, max=20 * value) for name, value in free.items()}
-    fit, held_out = recordings
-    return Problem(model=model, recordings=[fit, Recording(**{**vars(held_out), "role": "held_out"})], parameters=parameters)
+    flights = folder / "crazyflie_flights"
+    return Problem(
+        model=flown_body(m=0.037, inertia=(1.657e-5, 1.666e-5, 2.926e-5), arm=0.046),
+        recordings=[
+            flown(flights / "brushless_37g_figure8_ts1p0.csv", role="fit"),
+            flown(flights / "brushless_37g_figure8_ts0p7.csv", role="held_out"),
+        ],
+        parameters={"rotor.k": Free(4e-8), "rotor.torque_ratio": Free(0.006)},
+    )
 
 
-def flown(file: Path) -> Recording:
-    """A log of 500 Hz as 100 Hz, in axes x forward, y to the right and z down, and motors counted as the model's."""
-    rows = pd.read_csv(file).iloc[::5]
-    motors = {"u_1": 4, "u_2": 1, "u_3": 2, "u_4": 3}
-    turned = {"x": 1.0, "y": -1.0, "z": -1.0}
+def flown(file: Path, role: Literal["fit", "held_out"]) -> Recording:
+    """A log of 500 Hz as means of five rows, and between the pictures of the cameras, which have a file of their own, straight lines.
+
+    Axes x forward, y to the right and z down, and rotors counted as the model's, where the log has y to the left and z up.
+    """
+    log, seen = pd.read_csv(file), pd.read_csv(file.with_name(f"{file.stem}_mocap.csv"))
+    rows = log.groupby(np.arange(len(log)) // 5).mean()
+    motors, turned, time = {"n_1": 4, "n_2": 1, "n_3": 2, "n_4": 3}, {"x": 1.0, "y": -1.0, "z": -1.0}, rows["t_s"].to_numpy()
+    there = (time >= seen["t_s"].iloc[0]) & (time <= seen["t_s"].iloc[-1])
+    attitude = Rotation.from_quat(seen[["qx", "qy", "qz", "qw"]] * [1.0, -1.0, -1.0, 1.0]).as_euler("ZYX")
+    pose = {k: sign * seen[f"{k}_m"] for k, sign in turned.items()} | dict(zip(("psi", "theta", "phi"), attitude.T, strict=True))
     return Recording(
         name=file.name,
-        time=rows["t_s"].to_numpy(),
-        inputs={u: rows[f"pwm{number}_u16"].to_numpy() / 65535 for u, number in motors.items()},
+        time=time,
+        inputs={u: rows[f"rpm{number}"].to_numpy() * 2 * np.pi / 60 for u, number in motors.items()},
         outputs={f"a{k}": sign * rows[f"acc_{k}_mps2"].to_numpy() for k, sign in turned.items()}
-        | {rate: turned[k] * rows[f"gyro_{k}_radps"].to_numpy() for rate, k in zip("pqr", "xyz", strict=True)},
+        | {rate: turned[k] * rows[f"gyro_{k}_radps"].to_numpy() for rate, k in zip("pqr", "xyz", strict=True)}
+        | {name: np.where(there, np.interp(time, seen["t_s"], values), np.nan) for name, values in pose.items()},
+        hold="linear",
+        role=role,
     )
 
 

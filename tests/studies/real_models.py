@@ -5,6 +5,7 @@ turned_joint       one joint of an arm while the others are held: friction, whic
 flexible_stage     a geared hub that carries a flexible link, whose strain gauge may lag
 rigid_stage        the same with a link that does not bend
 driven_rotor       a rotor in bearings, and nothing else
+flown_body         a quadrotor of which the speeds of the propellers are known, an inertial measurement unit, and cameras that see its pose
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import pi
 from typing import Any
+
+import casadi as ca
 
 from backsight.models import Component, Equation, Model, Parameter, Rotational, SignalInput, Variable, equal
 from backsight.models.mechanics.planar import FixedTranslation, FrameFixed, MomentBody, Revolute, World
@@ -26,6 +29,8 @@ from backsight.models.mechanics.rotational import (
     RotationalSpringDamper,
     Torque,
 )
+from backsight.models.mechanics.spatial import Accelerometer, BodyElement, Gyro, RigidBody
+from backsight.models.plants.quadrotor import ROTORS
 from backsight.models.signals import Lag
 
 
@@ -45,6 +50,28 @@ class GearedMotor(Component):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {"motor law": equal(c.tau, c.k * c.i), "torque": equal(c.flange.tau, -c.tau)}
+
+
+class SpunPropeller(BodyElement):
+    """A propeller that turns as fast as it is told.   T = k n^2,   torque = r x force - spin torque_ratio T e_z
+
+    Signals:    n [rad/s] speed (input)
+    Connectors: frame, of the body: its centre of mass
+    Parameters: k [N.s2] thrust over squared speed, 1e-8 by default; torque_ratio [m] reaction torque over thrust, 0 by default; arm [m] in
+                the direction of azimuth [rad] from x towards y, 0 by default; spin [1] sense of rotation about z, 1 or -1, 1 by default
+    """
+
+    n = SignalInput("rad/s", description="speed")
+    k = Parameter("N.s2", 1e-8, min=0.0, description="thrust over squared speed")
+    torque_ratio = Parameter("m", 0.0, min=0.0, description="reaction torque over thrust")
+    arm = Parameter("m", 0.0, min=0.0, description="distance from the centre of mass")
+    azimuth = Parameter("rad", 0.0, nominal=1.0, description="direction of the arm, from x towards y")
+    spin = Parameter("1", 1.0, min=-1.0, max=1.0, description="sense of rotation about z")
+
+    def load(self, c: Any) -> tuple[Any, Any]:
+        lift = ca.vertcat(0, 0, -c.k * c.n**2)
+        place = c.arm * ca.vertcat(ca.cos(c.azimuth), ca.sin(c.azimuth), 0)
+        return lift, ca.cross(place, lift) + c.spin * c.torque_ratio * lift
 
 
 def double_pendulum(length: float, mass: float) -> Model:
@@ -168,6 +195,31 @@ def rigid_stage(gain: float) -> Model:
 def driven_rotor(gain: float) -> Model:
     """Input i [A]; output phi [rad]. gain [N.m/A] of the motor."""
     return _driven("driven_rotor", gain, body="rotor", J=1e-5, outputs={"phi": "encoder.phi"})
+
+
+def flown_body(m: float, inertia: tuple[float, float, float], arm: float) -> Model:
+    """Inputs n_1 .. n_4 [rad/s] at the places of `quadrotor`; outputs of its measurement unit, place x, y, z [m] and attitude [rad].
+
+    m [kg]; inertia [kg.m2] about the axes of the body; arm [m].
+    """
+    shared = {
+        "rotor.k": Parameter("N.s2", 1e-8, min=0.0, description="thrust over squared speed"),
+        "rotor.torque_ratio": Parameter("m", 0.006, min=0.0, description="reaction torque over thrust"),
+    }
+    rotors = {name: SpunPropeller(azimuth=azimuth, spin=spin, arm=arm) for name, (azimuth, spin) in ROTORS.items()}
+    Ixx, Iyy, Izz = inertia
+    parts = {"body": RigidBody(m=m, Ixx=Ixx, Iyy=Iyy, Izz=Izz), **rotors, "accelerometer": Accelerometer(), "gyro": Gyro()}
+    return Model(
+        name="flown_body",
+        components=parts,
+        connections=[(f"{part}.frame", "body.frame") for part in parts if part != "body"],
+        inputs={f"n_{i}": f"rotor_{i}.n" for i in (1, 2, 3, 4)},
+        outputs={f"a{k}": f"accelerometer.a_{k}" for k in "xyz"}
+        | {rate: f"gyro.{rate}" for rate in "pqr"}
+        | {name: f"body.{name}" for name in ("x", "y", "z", "phi", "theta", "psi")},
+        parameters=shared,
+        bindings={f"{rotor}.{name.rpartition('.')[2]}": name for rotor in rotors for name in shared},
+    )
 
 
 def _driven(
