@@ -151,9 +151,9 @@ class Candidate:
     -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing.
     without: strength -> its value there, where no component that comes in tells it.
     named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
-    ratio: parameter that stands for the two strengths of a quadrature over what the strength
-    absorbs. wave: (strength, position): the effect is that strength's times a sine of 2 pi position over the one shape; no component is
-    needed to look at it. dear: no score tells of it, it has to be fitted.
+    ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. wave: (strength, position): the
+    effect is that strength's times a sine of 2 pi position over the one shape; no component is needed to look at it. larger: two strengths
+    of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted.
     """
 
     place: str
@@ -171,6 +171,7 @@ class Candidate:
     signals: tuple[Signal, ...] = ()
     ratio: str | None = None
     wave: tuple[str, str] | None = None
+    larger: tuple[str, str] | None = None
     dear: bool = False
 
     @property

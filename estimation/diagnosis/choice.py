@@ -111,8 +111,10 @@ def matters(s: Screened, sizes: Sizes) -> bool:
 
 
 def sound(c: Candidate, f: Fitted) -> bool:
-    """Whether its strengths are told, to less than SPREAD of the largest."""
+    """Whether its strengths are told, to less than SPREAD of the largest, and are such as it has."""
     if f.result is None:
+        return False
+    if c.larger is not None and not f.result.parameters[c.larger[0]].value > f.result.parameters[c.larger[1]].value:
         return False
     found = [f.result.parameters[n] for n in (c.strengths or tuple(c.start)) if n in f.result.parameters]
     told = [p for p in found if p.std is not None]

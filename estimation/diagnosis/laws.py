@@ -49,7 +49,7 @@ class Law:
 
     make: kind -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
     for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths. carrier: (physics, word) of the law
-    whose force waves.
+    whose force waves. larger: which of two strengths is the larger one.
     """
 
     family: str
@@ -62,6 +62,7 @@ class Law:
     absorbs: Mapping[str, str] = field(default_factory=dict)
     ratio: str | None = None
     carrier: tuple[str, str] | None = None
+    larger: tuple[str, str] | None = None
     label: str = ""
 
 
@@ -104,6 +105,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         strengths=("f_c", "f_s"),
         shapes=lambda m: {"v_s": _velocities(m)},
         absorbs={"f_c": "f_c"},
+        larger=("f_s", "f_c"),
     ),
     Law(
         family="friction",
@@ -222,6 +224,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
         absorbs=absorbed,
         ratio=f"{name}.{law.ratio}" if law.ratio else None,
         wave=_wave(law, spot),
+        larger=(f"{name}.{own[law.larger[0]]}", f"{name}.{own[law.larger[1]]}") if law.larger else None,
         named={NAMES.get(w, w): f"{name}.{w}" for w in said},
     )
 

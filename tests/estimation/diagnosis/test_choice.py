@@ -13,7 +13,10 @@ from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.choice import beyond, coloured, evened, held_unseen, matters, simpler_there
+from backsight.estimation.diagnosis.choice import CLEAR, beyond, clear, coloured, evened, held_unseen, matters, simpler_there, sound
+from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.places import bodies
+from backsight.estimation.diagnosis.refit import Fitted
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.diagnosis.shares import Sizes
@@ -87,3 +90,22 @@ def test_friction_is_called_asymmetric_where_its_directions_differ_by_what_matte
         drawn = rng.multivariate_normal([20.0, minus], [[0.09, r * 0.12], [r * 0.12, 0.16]], size=200_000).mean(axis=1)
         assert found.parameters["f_c"].value == pytest.approx(drawn.mean(), abs=5e-3)
         assert found.parameters["f_c"].std == pytest.approx(drawn.std(), rel=0.01)
+
+
+@pytest.mark.parametrize(("static", "is_one"), [(30.0, True), (4.0, False)])
+def test_friction_that_is_least_at_rest_is_no_stribeck_friction(static, is_one):
+    problem = posed(run(0.5))
+    (spot,) = bodies(problem.model)
+    law = next(law for law in AGAINST_GROUND if law.physics == "stribeck_friction")
+    c = of_law(law, problem.model, spot, Motion(v_rms=0.1, low=-0.05, high=0.05))
+    values = {"f_c": 10.0, "f_s": static, "v_s": 0.02}
+    told = {c.named[w]: SimpleNamespace(name=c.named[w], value=v, std=v / 100) for w, v in values.items()}
+    assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
+
+
+def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_white():
+    white = screened("carriage", "coulomb_friction", 50.0)
+    assert clear(white, 1.1 * CLEAR)
+    assert not clear(replace(white, inflation=4.0), 3.9 * CLEAR)
+    assert clear(replace(white, inflation=4.0), 4.1 * CLEAR)
+    assert clear(None, 1.1 * CLEAR)  # what has no score is judged by its fit alone
