@@ -21,6 +21,7 @@ from .verdict import Explanation, Strength
 CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
+SURELY = 2  # and the best of them for what their gains are worth
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
 SPREAD = 0.3  # standard deviation of a strength over the largest one
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
@@ -31,10 +32,11 @@ SAME = 0.99999  # correlation of two effects of which one fit stands for both
 def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
 
-    The best of all, and the best of every place: what no output shows at once is scored less well than it fits. Beside a law of several
-    strengths the simplest of its family is fitted too: scores go by straight lines, and the richer one may end in a worse valley.
+    The best of all, and the best of every place: what no output shows at once is scored less well than it fits, and far from the truth a
+    gain says little of what an effect is worth. Beside a law of several strengths the simplest of its family is fitted too: scores go by
+    straight lines, and the richer one may end in a worse valley.
     """
-    worth, likely = list[Screened](), [s for s in found.found if found.chance(s.worth) <= SURE and not beyond(s) and matters(s, sizes)]
+    worth, likely = list[Screened](), [s for s in found.found if found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)]
     for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
@@ -42,13 +44,14 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
                 worth[same] = s
         elif not simpler_there(s, found.found):
             worth.append(s)
-    most = max((s.worth for s in worth), default=0.0)
-    best = [s for s in worth if s.worth >= WORTH * most][:FITTED]
+    most = max((s.gain for s in worth), default=0.0)
+    best = [s for s in worth if s.gain >= WORTH * most][:FITTED]
     places = Counter(s.candidate.place for s in best)
     for s in worth:
-        if s not in best and s.worth >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
+        if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
             best.append(s)
             places[s.candidate.place] += 1
+    best += [s for s in sorted(worth, key=lambda s: -s.worth)[:SURELY] if s not in best]
     for s in tuple(best):
         simple = simplest_beside(s, likely)
         if simple is not None and simple not in best:
@@ -60,7 +63,7 @@ def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:
     """The best candidate of the same family and place with fewer strengths, if it gains a good part of as much."""
     c = s.candidate
     there = [o for o in others if (o.candidate.place, o.candidate.family) == (c.place, c.family) and o.candidate.size < c.size]
-    return max((o for o in there if o.worth >= WORTH * s.worth), key=lambda o: o.worth, default=None)
+    return max((o for o in there if o.gain >= WORTH * s.gain), key=lambda o: o.gain, default=None)
 
 
 def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:
@@ -86,8 +89,7 @@ def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:
     """Whether a candidate at the same place gains as much with fewer parameters. What is beyond it, a later round will tell."""
     c = s.candidate
     return any(
-        o.candidate.place == c.place and o.candidate.size < c.size and s.worth - o.worth < RIVAL * (c.size - o.candidate.size)
-        for o in others
+        o.candidate.place == c.place and o.candidate.size < c.size and s.gain - o.gain < RIVAL * (c.size - o.candidate.size) for o in others
     )
 
 

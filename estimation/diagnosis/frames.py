@@ -1,4 +1,4 @@
-"""The library of bodies that move in a plane or in space: a tilted plane, drag, masses off their centre, rotors, given forces."""
+"""The library of bodies that move in a plane or in space: a tilted plane, drag, masses off their line or centre, rotors, given forces."""
 
 from __future__ import annotations
 
@@ -40,6 +40,8 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
     for name, component in model.components.items():
         if isinstance(component, planar.World) and not component.parameters["tilt"]:
             found.append(_tilted(name))
+        if isinstance(component, planar.RigidBody):
+            found += _beside(name, component, values)
         if isinstance(component, spatial.RigidBody):
             found += _rigid_body(model, name, component)
     return found + [c for group in _propellers(model) for c in _rotors(model, group, values)]
@@ -56,6 +58,23 @@ def _tilted(world: str) -> Candidate:
         start={f"{world}.direction": (-np.pi / 2, -4 * np.pi, 4 * np.pi)},
         named={"tilt": f"{world}.tilt", "direction": f"{world}.direction"},
     )
+
+
+def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float]) -> list[Candidate]:
+    """A mass beside the line of a link that has none there: its moment across. What it adds along the line is in the link's own moments."""
+    across = f"{link}.{'y_c' if isinstance(component, planar.Body) else 'm_y'}"
+    if values.get(across) != 0.0:
+        return []
+    return [
+        Candidate(
+            place=link,
+            family="inertia",
+            physics="added_mass",
+            strengths=(across,),
+            start={across: (0.0, -np.inf, np.inf)},
+            named={across.rpartition(".")[2]: across},
+        )
+    ]
 
 
 def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[Candidate]:

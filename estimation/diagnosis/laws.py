@@ -30,12 +30,21 @@ SOFT = 1e-14  # N/m or N.m/rad: a stop that is none
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """How a place moved: rms velocity, least and largest position [SI]; fine: periods [m or rad] at which what is left over waves most."""
+    """How a place moved: rms velocity, least and largest position [SI]; fine: periods [m or rad] at which what is left over waves most.
+
+    sharp: velocity over which signs are rounded there, None: as where nothing rests.
+    """
 
     v_rms: float
     low: float
     high: float
     fine: tuple[float, ...] = ()
+    sharp: float | None = None
+
+    @property
+    def width(self) -> float:
+        """Velocity over which signs are rounded."""
+        return ROUNDING * self.v_rms if self.sharp is None else self.sharp
 
     @property
     def span(self) -> float:
@@ -243,7 +252,7 @@ def rounded(component: Component, motion: Motion) -> Component:
     declared = component.declared_parameters.get("width")
     if declared is None or not declared.smoothing or declared.unit not in VELOCITY_UNITS:
         return component
-    return component.with_values(width=max(ROUNDING * motion.v_rms, declared.min))
+    return component.with_values(width=max(motion.width, declared.min))
 
 
 def flange_of(spot: Spot) -> str:

@@ -16,6 +16,8 @@ from backsight.ocp import Horizon, Solution
 from ..problem import Free, Problem
 from ..smoothing.along import along
 from ..smoothing.begun import followed_by
+from ..smoothing.rest import rounding
+from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate, Exchange
 from .channels import of_alike, of_input, of_sensor
 from .couplings import of_coupling, of_soft
@@ -37,7 +39,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     """All candidates of a model, for how it moved in a solution. brought: its components that were candidates themselves."""
     found = list[Candidate]()
     dae = solution.transcription.dae
-    motions, values = _Motions(solution), dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
+    motions, values = _Motions(problem, solution), dict(zip((p.name for p in dae.parameters), solution.parameters.tolist(), strict=True))
     places = {p.name: p.unit for p in dae.places}
     for spot in bodies(model):
         merged = dae.merged_places.get(spot.name, spot.name) != spot.name
@@ -166,8 +168,10 @@ def _told(name: str, model: Model) -> bool:
 class _Motions:
     """How bodies and elements moved."""
 
-    def __init__(self, solution: Solution) -> None:
+    def __init__(self, problem: Problem, solution: Solution) -> None:
         self._solution, self._followed = solution, followed_by(solution)
+        plain = problem.plain
+        self._unseen = {plain.dae.places[k].name for k in moving_unseen(plain)}
 
     def of(self, spot: Spot) -> Motion | None:
         """None where the model has no such motion."""
@@ -182,12 +186,14 @@ class _Motions:
             v.append(along(dae, velocity, self._followed, number, times, self._solution.parameters).ravel())
             if position is not None:
                 s.append(along(dae, position, self._followed, number, times, self._solution.parameters).ravel())
-        rms = float(np.sqrt(np.mean(np.concatenate(v) ** 2)))
+        moved = np.concatenate(v)
+        rms = float(np.sqrt(np.mean(moved**2)))
         where = np.concatenate(s) if s else np.zeros(1)
         if not rms > 0:
             return None
         fine = self._fine(spot.name, position) if len(spot.flanges) == 1 and position is not None else ()
-        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), fine=fine)
+        sharp = rounding(moved, resting=spot.name not in self._unseen)
+        return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), fine=fine, sharp=sharp)
 
     def _fine(self, place: str, position: Any) -> tuple[float, ...]:
         """Periods at which the residual force of a place waves along the way of the longest recording."""

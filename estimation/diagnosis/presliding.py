@@ -19,7 +19,6 @@ from backsight.models import Model
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
-from ..smoothing.rest import ROUNDING
 from .candidates import Candidate, Insert, Signal
 from .laws import Motion, flange_of
 from .places import Spot, at_hand, free_name
@@ -57,7 +56,7 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
         return []
     (base,) = levels
     level = values[base]
-    width = values.get(f"{base.rpartition('.')[0]}.width", ROUNDING * motion.v_rms)
+    width = values.get(f"{base.rpartition('.')[0]}.width", motion.width)
     grid = [float(level / (way * motion.span)) for way in WAYS]
     kind = sliding.DahlFriction if slides else turning.RotationalDahlFriction
     name = free_name(model, f"presliding_friction_{spot.name}")
@@ -71,7 +70,7 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
         )
         for sigma_0 in grid
     )
-    component = kind(**{word: level, "sigma_0": grid[0], "width": ROUNDING * motion.v_rms})
+    component = kind(**{word: level, "sigma_0": grid[0], "width": motion.width})
     return [
         Candidate(
             place=spot.name,

@@ -182,7 +182,7 @@ def _batches(looks: Sequence[Look]) -> list[list[Look]]:
 
 
 def _adjusted(s: Screened) -> float:
-    return s.worth - 0.5 * (s.freedom - 1) * float(np.log(max(2.0 * s.worth, 1.0)))
+    return s.gain - 0.5 * (s.freedom - 1) * float(np.log(max(2.0 * s.gain, 1.0)))
 
 
 def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:

@@ -7,6 +7,7 @@ room in these intervals, as much as the law is strong, and what happens there te
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import casadi as ca
@@ -25,6 +26,7 @@ from .along import along
 Room = NDArray[np.bool_]
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
+SHARPER = 0.1  # of that: the least width where a body rests
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
@@ -68,14 +70,26 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
     return tuple(laws)
 
 
-def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed) -> dict[int, float]:
-    """Widths of the laws that the user left alone: a hundredth of the rms velocity there."""
+def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, unseen: Collection[int] = ()) -> dict[int, float]:
+    """Widths of the laws that the user left alone, by `rounding`. unseen: places of bodies no output shows, whose rests are guesses."""
     widths = {}
     for law in left_alone(problem, laws):
-        rms = rms_velocity(problem, law, followed, problem.values)
-        if rms > 0:
-            widths[law.width] = max(ROUNDING * rms, problem.dae.parameters[law.width].minimum)
+        v = _velocity(problem, law, followed, problem.values)
+        least = problem.dae.parameters[law.width].minimum
+        if np.any(v):
+            widths[law.width] = max(rounding(v, resting=not set(law.places) & set(unseen)), least)
     return widths
+
+
+def rounding(velocity: Array, resting: bool = True) -> float:
+    """Width over which a sign is rounded, of velocities (M,): a hundredth of their rms, and less where the body rests.
+
+    What holds a body at rest is a creeping as fast as the width, on and on. So it is as little as what is seen there: where half of all
+    slow velocities are smaller than the width, their median, but no less than a tenth of it, or no solver gets round the corner.
+    """
+    width = ROUNDING * float(np.sqrt(np.mean(velocity**2)))
+    slow = np.abs(velocity)[np.abs(velocity) <= NEAR * width]
+    return float(np.clip(np.median(slow), SHARPER * width, width)) if resting and len(slow) else width
 
 
 def left_alone(problem: Problem, laws: tuple[FrictionLaw, ...]) -> tuple[FrictionLaw, ...]:
@@ -93,9 +107,15 @@ def rounded(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed,
 
 def rms_velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> float:
     """The law's rms velocity along the followed trajectories of all recordings."""
+    return float(np.sqrt(np.mean(_velocity(problem, law, followed, parameters) ** 2)))
+
+
+def _velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> Array:
+    """A law's velocity at all knots."""
     expression = problem.dae.variables[law.velocity]
-    velocity = [along(problem.dae, expression, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
-    return float(np.sqrt(np.mean(np.hstack(velocity) ** 2)))
+    return np.hstack(
+        [along(problem.dae, expression, followed, k, h.mesh.knots, parameters) for k, h in enumerate(followed.horizons)]
+    ).ravel()
 
 
 def open_at_rest(

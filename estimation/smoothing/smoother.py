@@ -33,7 +33,7 @@ from .outcome import Run, outcome
 from .prediction import predict
 from .program import Program, Settings, make_program
 from .rest import FrictionLaw, friction_laws, smoothing_widths
-from .unseen import unseen_states
+from .unseen import moving_unseen, unseen_states
 from .variances import LEAST_NOISE, Choice, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -117,7 +117,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         force_std = balance(plain, followed, start).force_std
     if not settings.weigh:
         given = {**force_std, **given}
-    for index, width in smoothing_widths(plain, laws, followed).items():
+    for index, width in smoothing_widths(plain, laws, followed, moving_unseen(plain)).items():
         parameters[index] = start[index] = width
     parameters = measured_by(problem, parameters, start)
     work = _Work(

@@ -30,7 +30,7 @@ from ..smoothing.meshing import follow_closely
 from ..smoothing.rest import FrictionLaw, friction_laws, smoothing_widths
 from ..smoothing.robust import CORNER
 from ..smoothing.smoother import smooth
-from ..smoothing.unseen import complete, unseen_states
+from ..smoothing.unseen import complete, moving_unseen, unseen_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -98,7 +98,7 @@ def _along(problem: Problem) -> _Found:
     followed, parameters, laws = follow_closely(plain, output_stds(plain)[0], None), plain.values, friction_laws(plain)
     if unseen_states(plain):
         followed, parameters, _ = complete(plain, followed, laws, parameters)
-    for index, width in smoothing_widths(plain, laws, followed).items():
+    for index, width in smoothing_widths(plain, laws, followed, moving_unseen(plain)).items():
         parameters[index] = width
     return _Found(
         weights=problem.weights,

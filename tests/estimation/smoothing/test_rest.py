@@ -9,9 +9,10 @@ import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.smoothing.rest import friction_laws, open_at_rest
+from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding
 from backsight.models import compile_model
 from backsight.models.plants import actuator
+from backsight.models.signals import DeadZone
 from backsight.ocp.follow import Followed, follow
 from backsight.ocp.horizon import Horizon
 from backsight.ocp.mesh import mesh_over
@@ -105,3 +106,36 @@ def test_a_friction_that_is_fixed_at_zero_is_no_law():
     recording, _ = dwelling(2)
     assert len(friction_laws(Problem(model=DAE, recordings=[recording], parameters=FREE))) == 1
     assert friction_laws(Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": 0.0})) == ()
+
+
+def test_a_sign_is_as_sharp_as_a_body_rests_and_as_round_as_it_was_where_it_only_turns():
+    t = np.linspace(0.0, 20.0, 20_001)
+    turning = 0.2 * np.sin(2 * np.pi * t)
+    round_one = ROUNDING * float(np.sqrt(np.mean(turning**2)))
+    assert rounding(turning) == pytest.approx(round_one)
+    still = np.where(t < 8.0, turning, 0.0)
+    still_rms = float(np.sqrt(np.mean(still**2)))
+    assert rounding(still) == pytest.approx(0.1 * ROUNDING * still_rms)  # the least
+    seen = np.where(t < 8.0, turning, 0.4 * ROUNDING * still_rms)
+    assert rounding(seen) == pytest.approx(0.4 * ROUNDING * float(np.sqrt(np.mean(seen**2))), rel=0.02)
+    assert rounding(still, resting=False) == pytest.approx(ROUNDING * still_rms)
+    assert rounding(np.full(9, NEAR)) == pytest.approx(NEAR * ROUNDING)  # it never slows down
+
+
+def test_what_holds_an_axis_that_rests_most_of_the_time_is_friction_and_no_dead_zone():
+    """As much is pulled at rest as a dead zone would take: only that it holds on while the pull changes tells the two apart."""
+    t = np.arange(0.0, 6.0, STEP)
+    stroke = 90.0 * np.sin(2 * np.pi * 1.3 * t) + 60.0 * np.sin(2 * np.pi * 3.1 * t)
+    force = np.where((t % 2.0) < 0.5, stroke, 12.0 * np.sin(2 * np.pi * 0.7 * t))
+    x, v = (a[:-1] for a in respond(BODY, force, STEP, Motion()))
+    assert np.mean(v == 0.0) > 0.5
+    noise = 2e-6 * np.random.default_rng(0).standard_normal(len(t))
+    recording = Recording(name="axis", time=t, inputs={"F": force}, outputs={"x": x + noise}, output_std={"x": 2e-6})
+    free = {"carriage.m": Free(90.0), "friction.d": Free(190.0)}
+    held = smooth(Problem(model=actuator(), recordings=[recording], parameters={**free, "friction.f_c": Free(15.0), "offset.f": 0.0}))
+    zone = actuator().insert("input:F", DeadZone(width=1.0), "zone")
+    given = {**free, "friction.f_c": 0.0, "offset.f": 0.0, "zone.width": Free(15.0, min=1e-3)}
+    missed = smooth(Problem(model=zone, recordings=[recording], parameters=given))
+    assert held.solver.converged
+    assert held.parameters["friction.f_c"].value == pytest.approx(BODY.f_c, rel=0.02)
+    assert held.criteria.log_evidence > missed.criteria.log_evidence + 100.0
