@@ -21,8 +21,6 @@ from backsight.ocp import Options, Solution
 
 from ..problem import Free, Problem
 from ..results import Smoothing
-from ..smoothing.along import RIGID, exact_forces
-from ..smoothing.approach import TIGHTEST
 from ..smoothing.begun import Begun, force_stds
 from ..smoothing.program import Settings
 from ..smoothing.smoother import OutOfTime, smooth
@@ -137,10 +135,7 @@ def fitted(
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        there = Begun.of(begin, now)
-        if settings.weigh and there is not None:
-            now = with_unseen_held(now, there)
-        weighed = now
+        there, weighed = Begun.of(begin, now), now
         if not settings.weigh:
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
@@ -185,19 +180,6 @@ def hidden(problem: Problem) -> set[str]:
     """Places of bodies of which no output tells."""
     plain = problem.plain
     return {plain.dae.places[k].name for k in moving_unseen(plain)}
-
-
-def with_unseen_held(problem: Problem, begin: Begun) -> Problem:
-    """The problem with residual forces of bodies that only it has, and no output shows, held at a share of the forces there.
-
-    With weights from the data they would take up all that is left over: the motion of what nobody sees can be anything, at that price.
-    """
-    new = hidden(problem) - set(begin.force_std) - set(problem.weights.W)
-    if not new:
-        return problem
-    exact, places = exact_forces(problem.posed, begin.followed, problem.posed.values), problem.posed.dae.places
-    W = {places[k].name: TIGHTEST / RIGID * std for k, std in exact.items() if places[k].name in new}
-    return replace(problem, weights=replace(problem.weights, W=W | dict(problem.weights.W)))
 
 
 def with_weights_of(begin: Solution, problem: Problem) -> Problem:

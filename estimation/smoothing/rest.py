@@ -27,6 +27,7 @@ Room = NDArray[np.bool_]
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
 SHARPER = 0.1  # of that: the least width where a body rests
+RESTS = 0.3  # of the velocities, that are slow where a body rests and does not only turn
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
@@ -84,12 +85,13 @@ def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: 
 def rounding(velocity: Array, resting: bool = True) -> float:
     """Width over which a sign is rounded, of velocities (M,): a hundredth of their rms, and less where the body rests.
 
-    What holds a body at rest is a creeping as fast as the width, on and on. So it is as little as what is seen there: where half of all
-    slow velocities are smaller than the width, their median, but no less than a tenth of it, or no solver gets round the corner.
+    What holds a body at rest is a creeping as fast as the width, on and on. So it is as little as what is seen there: where a good part of
+    all velocities is slow, their median, but no less than a tenth of the width, or no solver gets round the corner.
     """
     width = ROUNDING * float(np.sqrt(np.mean(velocity**2)))
     slow = np.abs(velocity)[np.abs(velocity) <= NEAR * width]
-    return float(np.clip(np.median(slow), SHARPER * width, width)) if resting and len(slow) else width
+    rests = resting and len(slow) > RESTS * len(velocity)
+    return float(np.clip(np.median(slow), SHARPER * width, width)) if rests else width
 
 
 def left_alone(problem: Problem, laws: tuple[FrictionLaw, ...]) -> tuple[FrictionLaw, ...]:

@@ -9,7 +9,8 @@ import pytest
 from neutral import Point
 
 from backsight.estimation.diagnosis.frames import of_frames
-from backsight.models import compile_model
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.planar import FrameFixed, MomentBody, Revolute, World
 from backsight.models.plants import PLANTS, quadrotor, xy_table
 from backsight.models.quadratures import without_ignorable
 
@@ -127,6 +128,42 @@ def test_a_tilted_plane_pulls_along_its_direction():
     assert np.linalg.norm(x) > 0
     assert effect(0.8) == pytest.approx(np.cos(0.8) * x + np.sin(0.8) * y, rel=1e-4, abs=1e-6 * np.abs(x).max())
     assert effect(0.8 + np.pi) == pytest.approx(-effect(0.8), rel=1e-4, abs=1e-6 * np.abs(x).max())
+
+
+def arm(**moments: float) -> Model:
+    """A link on a hinge in a vertical plane."""
+    return Model(
+        name="arm",
+        components={"world": World(tilt=np.pi / 2), "base": FrameFixed(), "hinge": Revolute(), "link": MomentBody(**moments)},
+        connections=(("base.frame", "hinge.frame_a"), ("hinge.frame_b", "link.frame")),
+        outputs={"angle": "hinge.phi"},
+    )
+
+
+def test_a_mass_beside_the_line_of_a_link_pulls_as_its_weight_across_does():
+    model = arm(m=1.0, m_x=0.2, J=0.05)
+    dae = compile_model(model)
+    (c,) = (c for c in of_frames(model, {p.name: p.value for p in dae.parameters}) if c.physics == "added_mass")
+    assert (c.place, c.strengths) == ("link", ("link.m_y",))
+    for seed in range(3):
+        point = Point(dae, seed)
+        phi = point.x[[q.name for q in dae.states].index("hinge.phi")]
+        moved = point.told(dae, {"link.m_y": 0.03})[0] - point.told()[0]
+        assert np.abs(moved).max() == pytest.approx(9.81 * 0.03 * abs(np.sin(phi)), rel=1e-9)
+        assert np.count_nonzero(moved) == 1
+    assert [c.physics for c in of_frames(arm(m_y=0.1), {"link.m_y": 0.1}) if c.place == "link"] == []  # it has one there
+
+
+def test_a_manipulator_may_carry_such_a_mass_on_every_link():
+    model = PLANTS["five_bar"]()
+    values = {p.name: p.value for p in compile_model(model).parameters}
+    beside = {c.place: c.strengths for c in of_frames(model, values) if c.physics == "added_mass"}
+    assert beside == {
+        "link_12": ("link_12.m_y",),
+        "link_3": ("link_3.y_c",),
+        "link_4": ("link_4.y_c",),
+        "link_56": ("link_56.m_y",),
+    }
 
 
 @pytest.mark.parametrize("plant", ["actuator", "drillstring"])
