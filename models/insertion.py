@@ -63,14 +63,15 @@ def exchange(model: Model, name: str, component: Component) -> Model:
     def stays(path: str) -> bool:
         return path.partition(".")[0] != name or path in known
 
+    def declared_still(path: str) -> bool:
+        owner, _, word = path.partition(".")
+        return owner != name or word in component.declared_parameters
+
     return replace(
         model,
         components={**model.components, name: component},
-        bindings={
-            path: to
-            for path, to in model.bindings.items()
-            if path.partition(".")[0] != name or path.partition(".")[2] in component.declared_parameters
-        },
+        bindings={path: to for path, to in model.bindings.items() if declared_still(path)},
+        onsets={path: onset for path, onset in model.onsets.items() if declared_still(path)},
         start={path: value for path, value in model.start.items() if stays(path)},
         states=tuple(path for path in model.states if stays(path)),
     )

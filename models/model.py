@@ -57,6 +57,7 @@ class Model:
     start        variable -> its value at the start, or a guess of it [SI], {"joint_3.phi": 1.2}
     states       coordinates that stay states where a closed loop leaves a choice, ("joint_1.phi", "joint_2.phi")
     residuals    places whose laws carry a residual force from the start, besides the balances of bodies
+    onsets       parameter of a component -> (time [s] from which it has its value, what it is before), {"friction.f_c": (3.2, 0.0)}
 
     Raises ModelError for an unknown component, connector, variable or parameter, and for a connection of different kinds or units.
     """
@@ -71,10 +72,11 @@ class Model:
     start: Mapping[str, float] = field(default_factory=dict)
     states: Sequence[str] = ()
     residuals: Sequence[str] = ()
+    onsets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     description: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("components", "inputs", "outputs", "parameters", "bindings", "start"):
+        for name in ("components", "inputs", "outputs", "parameters", "bindings", "start", "onsets"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name, one in (("states", "name"), ("residuals", "place")):
             if isinstance(getattr(self, name), str):
@@ -90,6 +92,7 @@ class Model:
             self._check_connection(a, b)
         self._check_names()
         self._check_bindings()
+        self._check_onsets()
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -188,6 +191,14 @@ class Model:
                 )
         return replace(self, components=components, parameters=parameters)
 
+    def since(self, path: str, time: float, before: float = 0.0) -> Model:
+        """The model with a parameter of a component that has its value from a time [s] on, and `before` that: friction that sets in.
+
+        Time is that of the simulation, or of the recording as it stands in its time column. Raises ModelError for a parameter that no
+        component declares and for what is no finite number.
+        """
+        return replace(self, onsets={**self.onsets, path: (time, before)})
+
     def without(self, name: str) -> Model:
         """The model without the component `name` and its connections; grounds left with nothing to hold go with it.
 
@@ -216,6 +227,7 @@ class Model:
             start={path: value for path, value in self.start.items() if stays(path)},
             states=tuple(path for path in self.states if stays(path)),
             residuals=tuple(path for path in self.residuals if stays(path)),
+            onsets={path: onset for path, onset in self.onsets.items() if stays(path)},
         )
 
     # --- checks
@@ -263,7 +275,7 @@ class Model:
             for name, variable in variables.items():
                 self._check_variable(what, name, variable)
         for name, value in self.start.items():
-            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+            if not _is_number(value):
                 raise ModelError(f"start '{name}' = {value!r}: a finite number is needed")
         driven = list(self.inputs.values())
         for name, variable in self.inputs.items():
@@ -294,6 +306,16 @@ class Model:
                 raise ModelError(f"binding '{path}' [{declared[word].unit}] = '{to}' [{self.parameters[to].unit}]: the units differ")
             check_value(f"parameter '{to}' of model '{self.name}', which is {path}", self.parameters[to].default, declared[word])
 
+    def _check_onsets(self) -> None:
+        for path, onset in self.onsets.items():
+            owner, _, word = path.partition(".")
+            declared = self.component(owner).declared_parameters
+            if word not in declared:
+                kind = type(self.components[owner]).__name__
+                raise ModelError(f"onset '{path}': {kind} '{owner}' has no parameter '{word}'; {suggestion(word, declared)}")
+            if not (isinstance(onset, tuple) and len(onset) == 2 and all(_is_number(value) for value in onset)):
+                raise ModelError(f"onset '{path}' = {onset!r}: a pair of finite numbers is needed, the time [s] and the value before it")
+
     def _check_variable(self, what: str, name: str, variable: str) -> None:
         owner, _, rest = variable.partition(".")
         component = self.component(owner)
@@ -314,6 +336,10 @@ def _kind(end: Connector | Signal | Variable) -> str:
     if isinstance(end, Connector):
         return f"{type(end).__name__} flange"
     return "signal input" if isinstance(end, SignalInput) else "signal output" if isinstance(end, SignalOutput) else "variable"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _owner(path: str) -> str:

@@ -84,6 +84,29 @@ class Rebuild:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Since:
+    """Parameters that have their values from a time [s] on (`Model.since`). before: parameter -> what it is until then."""
+
+    time: float
+    before: tuple[tuple[str, float], ...]
+
+    def __call__(self, model: Model) -> Model:
+        for path, value in self.before:
+            model = model.since(path, self.time, value)
+        return model
+
+    @property
+    def words(self) -> str:
+        """f_c from 3.2 s on."""
+        return f"{', '.join(path for path, _ in self.before)} from {self.time:.4g} s on"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of nothing that it brings."""
+        return {}
+
+
+@dataclass(frozen=True, kw_only=True)
 class Alike:
     """Several parts of one kind, edited alike, with one parameter of the model for all of them.
 
@@ -123,7 +146,7 @@ def _units(name: str, component: Component) -> dict[str, str]:
     return {f"{name}.{word}": p.unit for word, p in component.declared_parameters.items()}
 
 
-Edit = Insert | Exchange | Rebuild | Alike
+Edit = Insert | Exchange | Rebuild | Alike | Since
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,8 +204,8 @@ class Candidate:
 
     @property
     def size(self) -> int:
-        """How many parameters it brings, less those that it takes the place of."""
-        return len({*self.strengths, *self.start}) - len(self.absorbs)
+        """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""
+        return len({*self.strengths, *self.start}) - len(self.absorbs) + (self.onset is not None)
 
     def neutral(self, name: str) -> float:
         """The value of a parameter at which there is no effect."""
@@ -211,6 +234,19 @@ class Candidate:
         for edit in self.edits:
             model = edit(model)
         return model
+
+    def since(self, time: float | None) -> Candidate | None:
+        """The same from a time [s] on; None without one, and for what is not told by strengths of components that come in."""
+        own = {name.partition(".")[0] for name in self.strengths} <= {*self.brought}
+        if time is None or not self.strengths or self.signals or self.absorbs or not own:
+            return None
+        onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
+        return replace(self, edits=(*self.edits, onset))
+
+    @property
+    def onset(self) -> float | None:
+        """The time from which on it acts [s], None from the start."""
+        return next((e.time for e in self.edits if isinstance(e, Since)), None)
 
     @property
     def of_reading(self) -> bool:

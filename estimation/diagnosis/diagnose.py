@@ -23,6 +23,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
+from .frames import with_heading
 from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
@@ -58,7 +59,7 @@ def diagnose(
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
-    posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
+    posed = with_heading(replace(problem, recordings=[r for r in recordings if r.role == "fit"]), problem.model)
     with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
         steadied = with_offsets(posed)

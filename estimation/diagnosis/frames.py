@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,13 @@ from backsight.models import Model
 from backsight.models.mechanics import planar, spatial
 from backsight.models.mechanics.spatial.rotation import Vector, velocities
 
+from ..problem import Known, Problem
+from ..supposed import left_out
 from .candidates import Alike, Candidate, Exchange, Insert
 from .offsets import PREFIX
 from .places import free_name
 
+ANYWHERE = 2.0  # rad, deviation of a heading that is not known
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
 
@@ -32,6 +36,13 @@ class QuadraticDrag(spatial.QuadraticDrag):
     def air_velocity(self, c: Any) -> Vector:
         """Velocity of the body, in its axes."""
         return velocities(c.frame)[0]
+
+
+def with_heading(problem: Problem, model: Model) -> Problem:
+    """The problem with the heading of a body that nothing shows, from anywhere: what is constant in the axes of the earth depends on it."""
+    bodies = {f"{name}.psi" for name, component in model.components.items() if isinstance(component, spatial.RigidBody)}
+    unseen = {problem.dae.states[one.state].name for one in left_out(problem)} & bodies
+    return replace(problem, initial={**problem.initial, **{name: Known(0.0, ANYWHERE, always=True) for name in unseen}})
 
 
 def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
@@ -78,8 +89,8 @@ def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float])
 
 
 def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[Candidate]:
-    words = ("linear_drag", "quadratic_drag", "constant_force", "constant_torque", "coupling")
-    drag, square, wind, torque, off = (free_name(model, f"{word}_{body}") for word in words)
+    words = ("linear_drag", "quadratic_drag", "wind", "constant_force", "constant_torque", "coupling")
+    drag, square, wind, force, torque, off = (free_name(model, f"{word}_{body}") for word in words)
     mass = max(component.parameters["m"], 1e-9)
     return [
         Candidate(
@@ -104,9 +115,9 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             place=body,
             family="external",
             physics="constant_force",
-            edits=(Insert(place=body, component=spatial.ConstantBodyForce(), name=wind),),
-            strengths=tuple(f"{wind}.{f}" for f in FORCES),
-            named={f: f"{wind}.{f}" for f in FORCES},
+            edits=(Insert(place=body, component=spatial.ConstantBodyForce(), name=force),),
+            strengths=tuple(f"{force}.{f}" for f in FORCES),
+            named={f: f"{force}.{f}" for f in FORCES},
         ),
         Candidate(
             place=body,
@@ -116,6 +127,16 @@ def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[C
             strengths=tuple(f"{torque}.{tau}" for tau in TORQUES),
             absorbs={f"{PREFIX}{body}.{tau}": f"{torque}.{tau}" for tau in TORQUES},
             named={tau: f"{torque}.{tau}" for tau in TORQUES},
+        ),
+        Candidate(
+            place=body,
+            family="external",
+            physics="constant_force",
+            edits=(Insert(place=body, component=spatial.ConstantForce(), name=wind),),
+            strengths=(f"{wind}.f",),
+            quadrature=f"{wind}.direction",
+            start={f"{wind}.direction": (0.0, -4 * np.pi, 4 * np.pi)},
+            named={"f": f"{wind}.f", "direction": f"{wind}.direction"},
         ),
         Candidate(
             place=body,

@@ -50,6 +50,14 @@ class Columns:
         """Some of them."""
         return Columns(squares=self.squares[:, list(columns)], multiplied=self.multiplied[:, list(columns)])
 
+    def less(self, others: Columns) -> Columns:
+        """Without what others do."""
+        return Columns(squares=self.squares - others.squares, multiplied=self.multiplied - others.multiplied)
+
+    def times(self, strengths: Array) -> Columns:
+        """What strengths (n,) do together: one column."""
+        return Columns(squares=(self.squares @ strengths)[:, None], multiplied=(self.multiplied @ strengths)[:, None])
+
     @staticmethod
     def joined(parts: list[Columns]) -> Columns:
         """Side by side."""

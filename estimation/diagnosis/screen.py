@@ -18,9 +18,9 @@ leave correlation out: R. E. Chandler, S. Bate, Biometrika 94, 2007).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 from scipy.optimize import brentq
@@ -38,6 +38,7 @@ SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, 
 BATCH = 256  # columns at a time
 SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
+PLAINLY, PART = 10.0, 0.02  # nats, and share of its gain, by which an effect has to gain more by setting in
 PARTS = 25  # of the recordings, long enough that what is left over in one tells little of the next
 
 
@@ -98,11 +99,10 @@ class Screen:
         return float(np.linalg.svd(cross, compute_uv=False).min()) if cross.size else 0.0
 
 
-def screen(base: Linearised, looks: Sequence[Look]) -> Screen:
-    """Scores of all looks, but of parameters that only scale what is left over."""
-    looks = told(base, looks)
-    best, freedoms = dict[int, Screened](), Counter[int]()
-    for batch in _batches(looks):
+def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = ()) -> Screen:
+    """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in."""
+    best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
+    for batch in _batches(chain(told(base, looks), late)):
         scores, first = base.scores(Columns.joined([look.columns for look in batch])), 0
         for look in batch:
             at = np.arange(first, first + len(look.columns))
@@ -111,10 +111,10 @@ def screen(base: Linearised, looks: Sequence[Look]) -> Screen:
             if one is None:
                 continue
             freedoms[one.freedom] += 1
-            key = id(look.candidate)
+            key = (True, id(look.whole)) if look.whole else (False, id(look.candidate))
             if key not in best or one.gain > best[key].gain:
                 best[key] = one
-    found = tuple(sorted(_inflated(base, list(best.values())), key=lambda s: (-_adjusted(s), s.candidate.rank)))
+    found = tuple(sorted(_inflated(base, _set_in(best)), key=lambda s: (-_adjusted(s), s.candidate.rank)))
     close, first, columns = found[:CLOSE], 0, list[tuple[int, ...]]()
     for s in close:
         columns.append(tuple(range(first, first + len(s.look.columns))))
@@ -148,6 +148,17 @@ def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
     return [look for look in looks if id(look) not in scaling]
 
 
+def _set_in(best: Mapping[tuple[bool, int], Screened]) -> list[Screened]:
+    """The best looks without those at what sets in that gain hardly more than if it acts all along."""
+    whole = {of: s.gain for (late, of), s in best.items() if not late}
+    return [s for s in best.values() if s.look.whole is None or plainly(s.gain, whole.get(id(s.look.whole.candidate), 0.0))]
+
+
+def plainly(late: float, whole: float) -> bool:
+    """Whether an effect gains so much more by setting in that it does not act all along."""
+    return late - whole > max(PLAINLY, PART * whole)
+
+
 def _inflated(base: Linearised, found: list[Screened]) -> list[Screened]:
     """With the inflation of their scores."""
     of, inflated = {id(s.look): s for s in found}, list[Screened]()
@@ -170,15 +181,16 @@ def inflation(effect: Array, left: Array, intervals: Index) -> float:
     return max(1.0, float(sums @ sums) / size)
 
 
-def _batches(looks: Sequence[Look]) -> list[list[Look]]:
-    found, size = [list[Look]()], 0
+def _batches(looks: Iterable[Look]) -> Iterator[list[Look]]:
+    batch, size = list[Look](), 0
     for look in looks:
-        if size + len(look.columns) > BATCH and found[-1]:
-            found.append([])
-            size = 0
-        found[-1].append(look)
+        if size + len(look.columns) > BATCH and batch:
+            yield batch
+            batch, size = [], 0
+        batch.append(look)
         size += len(look.columns)
-    return [batch for batch in found if batch]
+    if batch:
+        yield batch
 
 
 def _adjusted(s: Screened) -> float:

@@ -20,12 +20,12 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..workers import as_finished
 from .candidates import Candidate
-from .choice import RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, sound, steady
+from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, sound, steady
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
 from .refit import QUICKLY, Fitted, begun, evidence, fitted_there, hidden, settled
-from .regimes import Regime, regime
+from .regimes import dated, late, moved, onset
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
@@ -36,6 +36,7 @@ Progress = Callable[[str], None]
 Judged = tuple[Candidate, Screened | None, Fitted]
 
 EFFECTS = 4
+DATES = 3  # times that the date of what sets in is sought anew
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
@@ -111,7 +112,8 @@ class Search:
             raise ValueError("a smoothed model has its solution")
         base = Linearised(self.result.solution)
         candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
-        found, sizes = screen(base, looked_at(self.problem, self.model, base, candidates)), Sizes(self.problem, self.result, base)
+        looks = looked_at(self.problem, self.model, base, candidates)
+        found, sizes = screen(base, looks, late(base, looks)), Sizes(self.problem, self.result, base)
         self.left = sizes.left
         self.first_left = self.first_left or sizes.left
         return base, candidates, found, sizes
@@ -147,7 +149,7 @@ class Search:
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
         now = evidence(self.problem, self.result)
-        worth = chosen(found, sizes)
+        worth = [dated(base, s) for s in chosen(found, sizes)]
         if worth:
             rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
             worth += held_unseen(found, worth, hidden(self.problem) - rests)
@@ -167,8 +169,35 @@ class Search:
         if not good:
             return False
         best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, f[0].size, -f[2].evidence))
-        self._keep(base, best, fits, found, sizes, now)
+        self._keep(base, self._set_in(best), fits, found, sizes, now)
         return True
+
+    def _set_in(self, best: Judged) -> Judged:
+        """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
+        for _ in range(DATES):
+            c, s, f = best
+            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.solution is None:
+                return best
+            self.say(f"when {c.title} sets in")
+            there = Linearised(f.solution)
+            again = [d for d in library(f.problem, f.model, f.solution, brought=set(c.brought)) if d.key == c.key]
+            looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
+            if f.result is None or not looks:
+                return best
+            strengths = np.array([f.result.parameters[n].value - c.neutral(n) for n in c.strengths])
+            if c.quadrature:
+                phase = f.result.parameters[c.quadrature].value
+                strengths = strengths[0] * np.array([np.cos(phase), np.sin(phase)])
+            time, gained = moved(there, looks[0], strengths, c.onset)
+            since = s.look.whole.candidate.since(time)
+            if gained < CLEAR or since is None:
+                return best
+            look = replace(s.look, candidate=since)
+            (again_fitted,) = self._fits([(since, replace(s, look=look, estimate=strengths))])
+            if again_fitted[2].evidence < f.evidence or not sound(since, again_fitted[2]):
+                return best
+            best = again_fitted
+        return best
 
     def _fits(self, wanted: list[tuple[Candidate, Screened | None]]) -> list[Judged]:
         """The candidates fitted, side by side."""
@@ -241,7 +270,7 @@ class Search:
                 and o.candidate.key not in {(r.place, r.physics) for r in rivals + others}
                 and found.alike(s, o) > SAME
             ]
-        acts = regime(base, s.look) if s is not None else Regime(words="whole record", onset=None)
+        began = c.onset if s is None else onset(base, s)
         share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
         gone = {name.partition(".")[0] for name in c.absorbs} | set(c.exchanged)
         stay = [not {path.partition(".")[0] for path in old.named.values()} & gone for old in self.accepted]
@@ -256,8 +285,8 @@ class Search:
                 gain=float(f.evidence - now) + whole,
                 change="; ".join(_change(c, f.result)),
                 share=share,
-                regime=acts.words,
-                onset=acts.onset,
+                regime="whole record" if began is None else f"from {began:.4g} s on",
+                onset=began,
                 alternatives=tuple(others),
                 rivals=tuple(rivals),
             ),

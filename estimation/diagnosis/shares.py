@@ -70,7 +70,7 @@ def limits(found: Screen, sizes: Sizes, units: dict[str, str], skipped: set[tupl
     least = max(float(np.sqrt(2.0 * found.needed(SURE))), CERTAIN)
     for s in found.found:
         c = s.candidate
-        if c.key in skipped or c.signals or not c.strengths:
+        if c.key in skipped or c.signals or not c.strengths or c.onset is not None:
             continue
         out.append(_limit(s, sizes, units, least))
     return out

@@ -34,11 +34,12 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """A candidate seen at one shape: parameter -> value, and its columns."""
+    """A candidate seen at one shape: parameter -> value, and its columns. whole: of what sets in, the look at it if it acts all along."""
 
     candidate: Candidate
     shape: dict[str, float]
     columns: Columns
+    whole: Look | None = None
 
 
 def looked_at(problem: Problem, model: Model, base: Linearised, candidates: Sequence[Candidate]) -> list[Look]:

@@ -137,6 +137,9 @@ def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, fl
             if path not in model.bindings:
                 parameters[path] = (in_units(name, component, parameter, units), component.parameters[word], ca.SX.sym(path))
             names[word] = table.parameters[path] = parameters[model.bindings.get(path, path)][2]
+            if path in model.onsets:
+                onset, before = model.onsets[path]
+                names[word] = ca.if_else(table.time >= onset, names[word], before)
         for word, variable in component.declared_variables.items():
             rank = 3 if variable.preferred else 2 if variable.state else 1
             names[word] = table.add(_flat(model, f"{name}.{word}", variable, variable.unit, rank))

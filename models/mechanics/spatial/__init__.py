@@ -2,13 +2,25 @@
 
     bodies.py     RigidBody                              propeller.py  Propeller, AsymmetricPropeller, PropellerInertia
     elements.py   LinearDrag, QuadraticDrag, AddedMass, MassOffset,  sensors.py    Accelerometer, Gyro
-                  BodyForce, BodyTorque, ConstantBodyForce             rotation.py   axes and angles
+                  BodyForce, BodyTorque, ConstantBodyForce,            rotation.py   axes and angles
+                  ConstantForce
 
 Axes of the body: x forward, y to the right, z down. The model has one rigid body, whose attitude drags and accelerometers see.
 """
 
 from .bodies import RigidBody
-from .elements import AddedMass, BodyElement, BodyForce, BodyTorque, ConstantBodyForce, Drag, LinearDrag, MassOffset, QuadraticDrag
+from .elements import (
+    AddedMass,
+    BodyElement,
+    BodyForce,
+    BodyTorque,
+    ConstantBodyForce,
+    ConstantForce,
+    Drag,
+    LinearDrag,
+    MassOffset,
+    QuadraticDrag,
+)
 from .propeller import AsymmetricPropeller, Propeller, PropellerInertia
 from .sensors import Accelerometer, BodySensor, Gyro
 
@@ -21,6 +33,7 @@ __all__ = [
     "BodySensor",
     "BodyTorque",
     "ConstantBodyForce",
+    "ConstantForce",
     "Drag",
     "Gyro",
     "LinearDrag",

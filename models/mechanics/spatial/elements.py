@@ -186,3 +186,20 @@ class ConstantBodyForce(BodyElement):
 
     def load(self, c: Any) -> tuple[Vector, Vector]:
         return ca.vertcat(c.f_x, c.f_y, c.f_z), ca.vertcat(c.tau_x, c.tau_y, c.tau_z)
+
+
+class ConstantForce(BodyElement):
+    """A constant level force in the axes of the earth, as of a wind.   force = f R^T (cos(direction), sin(direction), 0)
+
+    Connectors: frame
+    Parameters: f [N], 0 by default (absent); direction [rad] from north to east, 0 by default
+    Shared:     body, its attitude
+    """
+
+    body = Shared(RigidBody)
+    f = Parameter("N", 0.0, description="force on the body")
+    direction = Parameter("rad", 0.0, description="its direction, from north to east")
+
+    def load(self, c: Any) -> tuple[Vector, Vector]:
+        there = ca.vertcat(ca.cos(c.direction), ca.sin(c.direction), 0)
+        return c.f * rotation(c.body.phi, c.body.theta, c.body.psi).T @ there, ca.SX.zeros(3)

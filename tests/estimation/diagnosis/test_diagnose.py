@@ -10,7 +10,7 @@ import pytest
 from concealed_axis import NOISE, posed, run
 
 from backsight.data.generators.actuator import CONDITIONS, SERVO, Carriage, record
-from backsight.estimation import Problem
+from backsight.estimation import Free, Problem
 from backsight.estimation.diagnosis import Diagnosis, diagnose
 from backsight.models import compile_model
 from backsight.models.errors import InputError
@@ -106,6 +106,20 @@ def test_a_mass_that_was_given_wrong_is_a_parameter():
     assert (found.place, found.physics) == ("carriage", "wrong_parameter")
     assert found.parameters["carriage.m"].value == pytest.approx(95.109, rel=5e-3)
     assert {(r.place, r.physics) for r in d.findings[0].rivals} >= {("carriage", "added_mass")}
+
+
+@pytest.mark.slow
+def test_friction_that_grows_in_a_model_that_estimates_friction_is_dated():
+    def grows(t: float, _: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return -9.0 * np.tanh(v / 1e-4) * (t > 1.2)
+
+    d = diagnose(posed(run(2.0, STEP, force=grows, f_c=12.0), W={}, friction__f_c=Free(10.0)), jobs=1)
+    (found,) = d.findings
+    assert (found.explanation.place, found.explanation.physics) == ("carriage", "coulomb_friction")
+    assert found.onset == pytest.approx(1.2, abs=0.02)
+    assert found.explanation.parameters["f_c"].value == pytest.approx(9.0, rel=0.02)
+    assert d.after.parameters["friction.f_c"].value == pytest.approx(12.0, rel=0.02)
+    assert d.repaired.model.onsets.keys() == {"coulomb_friction_carriage.f_c"}
 
 
 @pytest.mark.slow

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from neutral import Point
 
-from backsight.estimation.diagnosis.frames import of_frames
+from backsight.estimation import Known, Problem, Recording
+from backsight.estimation.diagnosis.frames import of_frames, with_heading
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.planar import FrameFixed, MomentBody, Revolute, World
 from backsight.models.plants import PLANTS, quadrotor, xy_table
@@ -187,3 +188,18 @@ def test_rotors_with_time_constants_of_their_own_spin_down_each_in_its_own_time(
     assert [c.place for c in found] == [f"rotor_{i}" for i in (1, 2, 3, 4)]
     for c in found:
         assert set(c.strengths) <= {p.name for p in compile_model(c.edited(model)).parameters}
+
+
+def test_a_wind_needs_a_heading_which_begins_anywhere_where_nothing_shows_it():
+    model = quadrotor()
+    (wind,) = [c for c in of_frames(model, {}) if c.key == ("body", "constant_force") and c.quadrature]
+    nothing = {side: dict.fromkeys(names, np.zeros(3)) for side, names in (("inputs", model.inputs), ("outputs", model.outputs))}
+    problem = Problem(model=model, recordings=[Recording(name="at rest", time=np.arange(3.0), **nothing)])
+    assert "body.psi" not in {q.name for q in problem.posed.dae.states}
+    headed = with_heading(problem, model)
+    assert headed.initial["body.psi"].always
+    own = [q.name for q in headed.posed.dae.states]
+    assert "body.psi" in own
+    assert [q.name for q in replace(headed, model=wind.edited(model)).posed.dae.states] == own
+    seen = replace(problem, initial={"body.psi": Known(0.4, 0.1)})
+    assert with_heading(seen, model).initial == seen.initial

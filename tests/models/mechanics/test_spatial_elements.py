@@ -12,7 +12,15 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fresnel
 
 from backsight.models import Model, compile_model, simulate
-from backsight.models.mechanics.spatial import AddedMass, BodyElement, ConstantBodyForce, LinearDrag, QuadraticDrag, RigidBody
+from backsight.models.mechanics.spatial import (
+    AddedMass,
+    BodyElement,
+    ConstantBodyForce,
+    ConstantForce,
+    LinearDrag,
+    QuadraticDrag,
+    RigidBody,
+)
 
 Array = NDArray[np.float64]
 
@@ -93,3 +101,11 @@ def test_a_constant_force_and_torque_act_along_the_axes_of_the_body() -> None:
     velocity = attitude(run.states).apply(columns(run.states, "u", "v", "w"))
     s, c = fresnel(np.sqrt(0.4 / np.pi) * t)  # int cos(0.2 t^2), int sin(0.2 t^2)
     assert velocity[:, :2] == pytest.approx(0.4 * np.sqrt(np.pi / 0.4) * np.array([c, s]).T, abs=1e-9)
+
+
+def test_a_force_of_the_earth_pushes_a_tumbling_body_straight_on() -> None:
+    t = np.linspace(0.0, 2.0, 5)
+    initial = {"body.phi": 0.3, "body.theta": -0.5, "body.psi": 2.0, "body.p": 0.4, "body.r": 1.0}
+    s = simulate(compile_model(held(ConstantForce(f=0.6, direction=0.7), m=1.5, g=0.0)), t, initial=initial).states
+    velocity = attitude(s).apply(columns(s, "u", "v", "w"))
+    assert velocity == pytest.approx(np.outer(0.4 * t, [np.cos(0.7), np.sin(0.7), 0.0]), rel=1e-8, abs=1e-10)

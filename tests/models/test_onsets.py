@@ -1,0 +1,72 @@
+"""Parameters that have their value from a time on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.models import Model, compile_model, simulate
+from backsight.models.errors import ModelError
+from backsight.models.mechanics.translational import ConstantForce, Friction, Mass
+from backsight.models.signals import Gain
+
+TIMES = np.linspace(0.0, 1.0, 11)
+
+
+def axis(**more) -> Model:
+    carriage = Model(name="axis", components={"carriage": Mass(m=2.0)}, outputs={"v": "carriage.v"}, start={"carriage.v": 1.0}, **more)
+    return carriage.insert("carriage", ConstantForce(f=3.0), "push")
+
+
+def test_what_sets_in_acts_from_its_time_on():
+    model = axis().since("push.f", 0.4)
+    found = simulate(model, TIMES).outputs["v"]
+    assert found == pytest.approx(1.0 - 1.5 * np.maximum(TIMES - 0.4, 0.0), abs=1e-9)
+
+
+def test_before_it_a_parameter_has_the_value_that_is_named():
+    model = axis().since("push.f", 0.5, before=-3.0)
+    found = simulate(model, TIMES).outputs["v"]
+    assert found[-1] == pytest.approx(1.0, abs=1e-9)
+    assert found[5] == pytest.approx(1.75, abs=1e-9)
+
+
+def test_friction_that_sets_in_brings_to_rest():
+    model = axis().insert("carriage", Friction(f_c=4.0), "rubs").since("rubs.f_c", 0.2).with_values(push={"f": 0.0})
+    found = simulate(model, TIMES).outputs["v"]
+    assert found == pytest.approx(np.maximum(1.0 - 2.0 * np.maximum(TIMES - 0.2, 0.0), 0.0), abs=1e-6)
+
+
+def test_it_stays_with_its_component_and_goes_with_it():
+    model = axis().insert("carriage", Friction(f_c=1.0), "rubs").since("rubs.f_c", 0.3)
+    assert model.replace("rubs", Friction(f_c=2.0)).onsets == {"rubs.f_c": (0.3, 0.0)}
+    assert model.replace("rubs", ConstantForce(f=2.0)).onsets == {}
+    assert model.without("rubs").onsets == {}
+    assert model.without("rubs") == axis()
+
+
+def test_the_description_tells_it():
+    assert "push.f  from 0.4 s on; 0 before" in axis().since("push.f", 0.4).describe()
+
+
+@pytest.mark.parametrize(
+    ("path", "onset", "said"),
+    [
+        ("push.g", 0.1, "has no parameter 'g'"),
+        ("pull.f", 0.1, "has no component 'pull'"),
+        ("push.f", float("nan"), "a pair of finite numbers"),
+        ("push.f", True, "a pair of finite numbers"),
+    ],
+)
+def test_what_cannot_set_in_is_refused(path, onset, said):
+    with pytest.raises(ModelError, match=said):
+        axis().since(path, onset)
+
+
+def test_a_block_in_a_signal_may_set_in_too():
+    model = axis(inputs={}).insert("sensor:v", Gain(gain=2.0), "twice").since("twice.gain", 0.5, before=1.0)
+    dae = compile_model(model)
+    assert dae.parameters
+    found = simulate(model.since("push.f", 5.0), TIMES).outputs["v"]
+    assert found[2] == pytest.approx(1.0)
+    assert found[8] == pytest.approx(2.0)
