@@ -59,10 +59,10 @@ def diagnose(
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
-    posed = with_heading(replace(problem, recordings=[r for r in recordings if r.role == "fit"]), problem.model)
+    posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
     with workers(jobs, scheduler) as pool:
         kept = Keep(keep, posed)
-        steadied = with_offsets(posed)
+        steadied = with_offsets(with_heading(posed, problem.model))
         first, settings = _base(steadied, kept, say)
         search = Search(
             problem=steadied,
@@ -83,7 +83,7 @@ def diagnose(
     held_out = None
     if search.findings and search.model is not problem.model:
         say("proof on what was held out")
-        repaired = replace(search.problem, recordings=recordings), at_nothing(search.result)
+        repaired = replace(search.problem, recordings=recordings, initial=problem.initial), at_nothing(search.result)
         pair = (replace(posed, recordings=recordings), first), repaired
         try:
             left = seconds + PROOF - (time.perf_counter() - began)
@@ -95,7 +95,9 @@ def diagnose(
         findings=tuple(search.findings),
         before=first,
         after=without_offsets(search.result),
-        repaired=replace(search.problem, model=search.model, parameters=own_of(search.problem), recordings=recordings),
+        repaired=replace(
+            search.problem, model=search.model, parameters=own_of(search.problem), recordings=recordings, initial=problem.initial
+        ),
         held_out=held_out,
         undetectable=tuple(search.undetectable),
         tried=tuple(search.tried),

@@ -18,7 +18,6 @@ from .candidates import Alike, Candidate, Exchange, Insert
 from .offsets import PREFIX
 from .places import free_name
 
-ANYWHERE = 2.0  # rad, deviation of a heading that is not known
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
 
@@ -39,10 +38,10 @@ class QuadraticDrag(spatial.QuadraticDrag):
 
 
 def with_heading(problem: Problem, model: Model) -> Problem:
-    """The problem with the heading of a body that nothing shows, from anywhere: what is constant in the axes of the earth depends on it."""
+    """The problem with the heading of a body that nothing shows, counted from its start: a wind is constant in the axes of the earth."""
     bodies = {f"{name}.psi" for name, component in model.components.items() if isinstance(component, spatial.RigidBody)}
     unseen = {problem.dae.states[one.state].name for one in left_out(problem)} & bodies
-    return replace(problem, initial={**problem.initial, **{name: Known(0.0, ANYWHERE, always=True) for name in unseen}})
+    return replace(problem, initial={**problem.initial, **dict.fromkeys(unseen, Known(0.0, always=True))})
 
 
 def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:

@@ -26,6 +26,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import OutOfTime, smooth
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
+from .held import gained, shares
 from .offsets import counted_out, with_those_of
 from .screen import Screened
 
@@ -39,7 +40,10 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time."""
+    """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time.
+
+    gained: evidence with residual forces that are the base model's share of its own forces (`held.py`).
+    """
 
     candidate: Candidate
     problem: Problem | None = None
@@ -48,6 +52,7 @@ class Fitted:
     solution: Solution | None = None
     failed: str = ""
     late: bool = False
+    gained: float = 0.0
 
     @property
     def whole(self) -> Smoothing | None:
@@ -57,7 +62,7 @@ class Fitted:
     @property
     def evidence(self) -> float:
         """Log evidence; -inf where the fit failed."""
-        return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result)
+        return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result) + self.gained
 
 
 def evidence(problem: Problem, result: Smoothing) -> float:
@@ -145,7 +150,10 @@ def fitted(
         result = smooth(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
-    return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution)
+    more = 0.0
+    if not settings.weigh and result.solution is not None and result.solver.converged:
+        more = gained(now, result.solution, shares(problem, begin))
+    return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution, gained=more)
 
 
 def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:

@@ -42,8 +42,8 @@ class Chain:
     known_parameters: Array
 
 
-def chain(solution: Solution) -> Chain | None:
-    """The chain of a solution; None where its rows are not of this form."""
+def chain(solution: Solution, factors: Array | None = None) -> Chain | None:
+    """The chain of a solution; None where its rows are not of this form. factors (n_soft,): on the deviations of its residual forces."""
     t, values = solution.transcription, solution.values
     nlp, ip = t.nlp, t.nlp.interpolation
     nx, n = ip.states, nlp.trajectory_size
@@ -68,7 +68,10 @@ def chain(solution: Solution) -> Chain | None:
             if not np.array_equal(term.interval, np.arange(len(nlp.steps))):
                 return None
             dynamics.append((r, J))
-            noisy.append(np.full(J.shape[1], not term.equality))
+            size = np.zeros(J.shape[1]) if term.equality else np.ones(J.shape[1])
+            if term.name == t.force_term and factors is not None:
+                size = np.tile(factors, len(size) // len(factors))
+            noisy.append(size)
         elif np.any(J[:, :, nx : ip.local]) or not (np.any(J[:, :, ip.local :]) or set(term.interval) <= set(starts)):
             return None
         elif np.any(J[:, :, ip.local :]):
@@ -83,10 +86,11 @@ def chain(solution: Solution) -> Chain | None:
                 else:
                     soft[k].append(np.concatenate([r[column, rows, None], J[column, rows, :nx]], axis=1))
     own = ip.interior + nx
-    if samples is None or sum(len(flags) for flags in noisy) != own:
+    if samples is None or sum(len(sizes) for sizes in noisy) != own:
         return None
+    sizes = np.concatenate(noisy)
     r, J = np.concatenate([r for r, _ in dynamics], axis=1), np.concatenate([J for _, J in dynamics], axis=1)
-    parts = [J[:, :, :nx], J[:, :, ip.local :][:, :, moving], r[:, :, None], -np.eye(own)[:, np.concatenate(noisy)]]
+    parts = [J[:, :, :nx], J[:, :, ip.local :][:, :, moving], r[:, :, None], -np.diag(sizes)[:, sizes > 0]]
     right = np.concatenate([np.broadcast_to(part, (len(J), *part.shape[-2:])) for part in parts], axis=2)
     try:
         solved = -np.linalg.solve(J[:, :, nx : ip.local], right)

@@ -67,21 +67,25 @@ class Filtered:
     """All horizons, and what the marginal likelihood needs beside them.
 
     first_root: sum of log |R_jj|, R'R the information on the first states given the parameters. parameter_root (np, np): R of the
-    parameters.
+    parameters. squares: sum of the squared prediction errors, with those that tell beta.
     determined: whether the data determine all of them.
     """
 
     horizons: tuple[Innovations, ...]
     first_root: float
     parameter_root: Array
+    squares: float
     determined: bool
 
 
-def innovations(solution: Solution) -> Filtered | None:
-    """The prediction errors of a solution; None where it is no minimum or its rows form no chain."""
+def innovations(solution: Solution, factors: Array | None = None) -> Filtered | None:
+    """The prediction errors of a solution; None where it is no minimum or its rows form no chain.
+
+    factors (n_soft,): on the deviations of its residual forces; trajectories and parameters then are those that go with these.
+    """
     if solution.curvature is None:
         return None
-    links = chain(solution)
+    links = chain(solution, factors)
     if links is None:
         return None
     t = solution.transcription
@@ -95,7 +99,7 @@ def innovations(solution: Solution) -> Filtered | None:
     np_ = links.H.shape[2]
     size = np.sqrt(sum(np.sum(E[:, E.shape[1] - np_ :] ** 2, axis=0) for _, E, _, _ in runs))
     R, d = _absorbed(_weak(size), np.zeros(np_), links.known_parameters)
-    horizons, first_root = [], 0.0
+    horizons, first_root, squares = [], 0.0, 0.0
     for (u, E, steps, log_roots), where, known, horizon in zip(runs, places, links.known, t.horizons, strict=True):
         k = E.shape[1] - np_
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
@@ -104,12 +108,19 @@ def innovations(solution: Solution) -> Filtered | None:
         known = np.hstack([known, np.zeros((len(known), np_))])
         root, right = _absorbed(root, np.concatenate([np.zeros(k), d]), known)
         w, variance, root, right = _recursive(u, E, root, right)
+        squares += float(w @ w)
         errors = np.full((len(horizon.time), len(t.dae.outputs)), np.nan)
         errors[where[:, 0], where[:, 1]] = np.where(variance < LARGEST, w, np.nan)
         horizons.append(Innovations(errors=errors, u=u, E=E, steps=steps, log_roots=log_roots))
         first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
         R, d = root[k:, k:], right[k:]
-    return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, determined=solution.determined)
+    return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, squares=squares, determined=solution.determined)
+
+
+def log_likelihood(filtered: Filtered) -> float:
+    """Of the prediction errors, first states and parameters integrated out; but for what is the same with other residual forces."""
+    parameters = float(np.sum(np.log(np.abs(np.diag(filtered.parameter_root)))))
+    return -0.5 * filtered.squares - sum(run.log_roots for run in filtered.horizons) - filtered.first_root - parameters
 
 
 def _weak(size: Array) -> Array:

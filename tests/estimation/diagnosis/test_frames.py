@@ -190,14 +190,14 @@ def test_rotors_with_time_constants_of_their_own_spin_down_each_in_its_own_time(
         assert set(c.strengths) <= {p.name for p in compile_model(c.edited(model)).parameters}
 
 
-def test_a_wind_needs_a_heading_which_begins_anywhere_where_nothing_shows_it():
+def test_a_wind_needs_a_heading_which_counts_from_its_start_where_nothing_shows_it():
     model = quadrotor()
     (wind,) = [c for c in of_frames(model, {}) if c.key == ("body", "constant_force") and c.quadrature]
     nothing = {side: dict.fromkeys(names, np.zeros(3)) for side, names in (("inputs", model.inputs), ("outputs", model.outputs))}
     problem = Problem(model=model, recordings=[Recording(name="at rest", time=np.arange(3.0), **nothing)])
     assert "body.psi" not in {q.name for q in problem.posed.dae.states}
     headed = with_heading(problem, model)
-    assert headed.initial["body.psi"].always
+    assert headed.initial == {"body.psi": Known(0.0, always=True)}
     own = [q.name for q in headed.posed.dae.states]
     assert "body.psi" in own
     assert [q.name for q in replace(headed, model=wind.edited(model)).posed.dae.states] == own
