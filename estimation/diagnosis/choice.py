@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import inf
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,11 +19,14 @@ from .screen import SURE, Screen, Screened
 from .shares import FLOOR, Sizes
 from .verdict import Explanation, Strength
 
+T = TypeVar("T")
+
 CLEAR = 6.0  # nats of evidence that an effect has to bring
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 SURELY = 2  # and the best of them for what their gains are worth
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
+MUCH_LESS = 1.5  # times the worth of a fit: another one that is worth as much is better than just as good
 SPREAD = 0.3  # standard deviation of a strength over the largest one
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
 HOLDING = ("coulomb_friction", "stribeck_friction")
@@ -129,6 +133,20 @@ def sound(c: Candidate, f: Fitted) -> bool:
 def clear(s: Screened | None, gained: float) -> bool:
     """Whether a fit brought as much evidence as an effect has to, for what that is worth beside residuals that are not white."""
     return gained > CLEAR * (1.0 if s is None else s.inflation)
+
+
+def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, int]]]) -> T:
+    """Of fits (what it is, its score, nats gained, rank and size), best first: the plainest of those that cannot be told from the best.
+
+    What the best one leaves over tells how far: where that is not white, nats are worth less, and those are out of it that are worth much
+    less than another one.
+    """
+    (_, top, most, _) = good[0]
+    usual = 1.0 if top is None else top.inflation
+    near = [(one, gained / (usual if s is None else s.inflation), plain, gained) for one, s, gained, plain in good]
+    near = [n for n in near if most - n[3] < RIVAL * usual]
+    worth = max(n[1] for n in near)
+    return min((n for n in near if n[1] * MUCH_LESS >= worth), key=lambda n: (*n[2], -n[3]))[0]
 
 
 def idle(c: Candidate, result: Smoothing) -> bool:

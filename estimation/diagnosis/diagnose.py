@@ -24,6 +24,7 @@ from ..smoothing.smoother import smooth
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
 from .frames import with_heading
+from .hold import with_better_hold
 from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
@@ -61,23 +62,29 @@ def diagnose(
     recordings, split = with_held_out(problem.recordings)
     posed = replace(problem, recordings=[r for r in recordings if r.role == "fit"])
     with workers(jobs, scheduler) as pool:
-        kept = Keep(keep, posed)
         steadied = with_offsets(with_heading(posed, problem.model))
-        first, settings = _base(steadied, kept, say)
+
+        def based(other: Problem) -> tuple[Smoothing, Settings]:
+            return _base(other, Keep(keep, other), say)
+
+        better, (first, settings), straight = with_better_hold(steadied, problem.model, based(steadied), based)
         search = Search(
-            problem=steadied,
+            problem=better,
             model=problem.model,
             result=first,
             say=say,
             pool=pool,
             ahead=at_hand(jobs, scheduler),
-            kept=kept,
+            kept=Keep(keep, better),
             settings=settings,
             end=end,
         )
         search.run()
     verdict, first = search.verdict(), without_offsets(first)
-    notes = [split] if split else []
+    notes = [said for said in (split, straight) if said]
+    if straight:
+        recordings = [replace(r, hold="linear") for r in recordings]
+        posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out = None

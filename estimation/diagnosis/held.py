@@ -1,40 +1,38 @@
-"""Evidence of models whose residual forces are held at a share of the forces at their places.
+"""Evidence of models whose residual forces are held at given deviations: each with the common factor on these that suits it best.
 
-The share is that of the base model, and the forces are those of each model itself. With the same deviations in newtons a model would pay
-for parameters that are smaller than the base model's, wrong as that may be: a tenth of the inertia turns the same torques into ten times
-the accelerations, which samples then have to be told from.
+The deviations suit the base model, wrong as it is. A model that explains more would leave forces a tenth as large, and with the same
+deviations pays for what it does not need: a wrong inertia ten times too large turns the same torques into a tenth of the accelerations,
+and is the more probable one though all its forces are off. One factor for all places follows what a model is worth, and wanders with
+nothing; the samples' prediction errors give the likelihood for any (`validation/innovations.py`).
 """
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 
 from backsight.ocp import Solution
 
-from ..problem import Problem
-from ..smoothing.along import forces
-from ..smoothing.begun import followed_by, force_stds
 from ..validation.innovations import innovations, log_likelihood
 
-
-def shares(problem: Problem, solution: Solution) -> dict[str, float]:
-    """Place -> deviation of its residual force over the rms of the forces there."""
-    sizes = _forces(problem, solution)
-    return {name: std / sizes[name] for name, std in force_stds(solution).items() if name in sizes}
+FACTOR = 10.0**-0.5  # from one to the next that is tried
+TIGHTEST, LOOSEST = 1e-3, 1e3
 
 
-def gained(problem: Problem, solution: Solution, held: Mapping[str, float]) -> float:
-    """Nats of log evidence with residual forces of these shares, over that with the deviations which they have."""
-    sizes, stds = _forces(problem, solution), force_stds(solution)
-    t = solution.transcription
-    names = [t.dae.places[k].name for k in t.soft]
-    factors = np.array([held[n] * sizes[n] / stds[n] if n in held and n in sizes else 1.0 for n in names])
-    before, after = innovations(solution), innovations(solution, factors)
-    return 0.0 if before is None or after is None else log_likelihood(after) - log_likelihood(before)
+def rescaled(solution: Solution) -> float:
+    """Nats of log evidence with the factor that is best, over that with none; 0 where the solution is no chain."""
+    count = len(solution.transcription.soft)
 
+    def told(factor: float) -> float:
+        found = innovations(solution, np.full(count, factor))
+        return -np.inf if found is None else log_likelihood(found)
 
-def _forces(problem: Problem, solution: Solution) -> dict[str, float]:
-    found = forces(problem.posed, followed_by(solution), solution.parameters, varying=True)
-    return {problem.posed.dae.places[k].name: size for k, size in found.items()}
+    if not count or not np.isfinite(first := told(1.0)):
+        return 0.0
+    best = first
+    for step in (FACTOR, 1.0 / FACTOR):
+        factor = step
+        while TIGHTEST < factor < LOOSEST and (now := told(factor)) > best:
+            best, factor = now, factor * step
+        if best > first:
+            break
+    return best - first

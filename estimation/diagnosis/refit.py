@@ -26,7 +26,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import OutOfTime, smooth
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
-from .held import gained, shares
+from .held import rescaled
 from .offsets import counted_out, with_those_of
 from .screen import Screened
 
@@ -42,7 +42,7 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 class Fitted:
     """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time.
 
-    gained: evidence with residual forces that are the base model's share of its own forces (`held.py`).
+    rescaled: nats with residual forces, if they are held, of the common factor that suits it best (`held.py`).
     """
 
     candidate: Candidate
@@ -52,7 +52,7 @@ class Fitted:
     solution: Solution | None = None
     failed: str = ""
     late: bool = False
-    gained: float = 0.0
+    rescaled: float = 0.0
 
     @property
     def whole(self) -> Smoothing | None:
@@ -62,7 +62,7 @@ class Fitted:
     @property
     def evidence(self) -> float:
         """Log evidence; -inf where the fit failed."""
-        return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result) + self.gained
+        return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result) + self.rescaled
 
 
 def evidence(problem: Problem, result: Smoothing) -> float:
@@ -152,8 +152,8 @@ def fitted(
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     more = 0.0
     if not settings.weigh and result.solution is not None and result.solver.converged:
-        more = gained(now, result.solution, shares(problem, begin))
-    return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution, gained=more)
+        more = rescaled(result.solution)
+    return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution, rescaled=more)
 
 
 def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:

@@ -20,7 +20,8 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..workers import as_finished
 from .candidates import Candidate
-from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, sound, steady
+from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, sound, steady
+from .held import rescaled
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
@@ -149,6 +150,8 @@ class Search:
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
         now = evidence(self.problem, self.result)
+        if not self.settings.weigh:
+            now += rescaled(base.solution)
         worth = [dated(base, s) for s in chosen(found, sizes)]
         if worth:
             rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
@@ -168,7 +171,7 @@ class Search:
             good = [(c, s, f) for c, s, f in last if clear(s, f.evidence - now) and sound(c, f)]
         if not good:
             return False
-        best = min((f for f in good if good[0][2].evidence - f[2].evidence < RIVAL), key=lambda f: (f[0].rank, f[0].size, -f[2].evidence))
+        best = simplest([(f, f[1], f[2].evidence - now, (f[0].rank, f[0].size)) for f in good])
         self._keep(base, self._set_in(best), fits, found, sizes, now)
         return True
 

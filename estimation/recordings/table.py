@@ -12,6 +12,7 @@ import io
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -45,7 +46,12 @@ def read_table(
     Raises InputError naming file, line, column, value and remedy.
     """
     name = path.name.lower()
-    readers = {".csv": _read_csv, ".csv.gz": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}
+    readers: dict[str, Callable[[bytes, list[str], str], Table]] = {
+        ".csv": _read_csv,
+        ".csv.gz": partial(_read_csv, packed=True),
+        ".parquet": _read_parquet,
+        ".mat": _read_mat,
+    }
     reader = next((read for suffix, read in readers.items() if name.endswith(suffix)), None)
     if not name.endswith(SUFFIXES):
         raise InputError(f"{label}: this type of file cannot be read; recordings are {', '.join(SUFFIXES)}")
@@ -74,10 +80,10 @@ def _neighbours(path: Path) -> str:
     return suggestion(path.name, files) if files else "there is no recording in that folder"
 
 
-def _read_csv(data: bytes, wanted: list[str], label: str) -> Table:
+def _read_csv(data: bytes, wanted: list[str], label: str, packed: bool = False) -> Table:
     import pandas as pd
 
-    text = _decoded(_unpacked(data, label), label)
+    text = _decoded(_unpacked(data, label, packed), label)
     try:
         header = [cell.strip() for cell in next(csv.reader(io.StringIO(text, newline="")))]
     except (StopIteration, csv.Error):
@@ -110,9 +116,9 @@ def _read_csv(data: bytes, wanted: list[str], label: str) -> Table:
     return Table(columns={name: frame[i].to_numpy() for name, i in zip(wanted, indices, strict=True)}, row=lambda k: f"line {k + 2}")
 
 
-def _unpacked(data: bytes, label: str) -> bytes:
+def _unpacked(data: bytes, label: str, packed: bool) -> bytes:
     """The bytes themselves, or what they were before gzip."""
-    if not label.lower().endswith(".gz"):
+    if not packed:
         if data[:2] == b"\x1f\x8b":
             raise InputError(f"{label}: this file is packed by gzip; name it .csv.gz")
         return data

@@ -7,6 +7,9 @@ axis        M. Brunot, A. Janot: a ball screw with a force in and a position out
 pendulum    F. Wiebe et al.: two joints without friction. Known: Coulomb friction in both, 0.21 and 0.17 N.m in slow motion
 stage       a geared hub with a flexible link, taken for rigid, without dry friction. Known: stiffness 23..27 N.m/rad; Coulomb 1.2 N.m
 rotor       H. Andrade: a motor at one turn a second. Known: cogging 72 times a turn, 0.17 A at 0.032 N.m/A; stiction 0.054 A
+joint       one joint of an arm in one slow sine, without dry friction. Known: Coulomb friction 12.5 N.m, viscous friction 21.3 N.m.s/rad
+oscillator  T. Wigren, J. Schoukens: a circuit that moves as a mass on a hardening spring, taken for a linear one. Known: a cubic stiffness and
+            an offset
 flight      a small quadrotor, the speeds of its propellers known. Known: drag in proportion to the velocity, 0.31..0.44 1/s times its mass;
             4.06e-10 N/rpm2
 """
@@ -23,7 +26,8 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from real_models import double_pendulum, driven_rotor, flown_body, rigid_stage
+from real_models import double_pendulum, driven_rotor, flown_body, rigid_stage, turned_joint
+from real_models import oscillator as hardening
 from real_recordings import PENDULUM, STAGE, fit_and_later
 from scipy.spatial.transform import Rotation
 
@@ -81,6 +85,34 @@ def rotor(folder: Path) -> Problem:
     )
 
 
+def joint(folder: Path) -> Problem:
+    columns = {"time": "t_s", "inputs": {"i": "i1_A"}, "outputs": {"q": "q1_rad"}}
+    return Problem(
+        model=turned_joint(gain=10.0),
+        recordings=fit_and_later(folder / "ur10e/joint1_only.csv", 0.0, 30.0, 57.0, **columns),
+        parameters={
+            "arm.m_x": 0.0,
+            "arm.m_y": 0.0,
+            "arm.J": Free(5.0, min=1e-2),
+            "friction.d": Free(20.0, min=0.0),
+            "friction.tau_c": 0.0,
+            "offset.tau": 0.0,
+        },
+    )
+
+
+def oscillator(folder: Path) -> Problem:
+    file, columns = folder / "silverbox/SNLS80mV.csv.gz", {"time": "t_s", "inputs": {"u": "u_V"}, "outputs": {"y": "y_V"}}
+    return Problem(
+        model=hardening(),
+        recordings=[
+            Recording.read(file, name="fit", range=(67.0, 74.0), **columns),
+            Recording.read(file, name="later", role="held_out", range=(98.0, 103.0), **columns),
+        ],
+        parameters={"mass.m": Free(1e-5, min=1e-8), "spring.k": Free(1.0, min=1e-3), "damper.d": Free(1e-4, min=0.0)},
+    )
+
+
 def flight(folder: Path) -> Problem:
     flights = folder / "crazyflie_flights"
     return Problem(
@@ -116,7 +148,7 @@ def flown(file: Path, role: Literal["fit", "held_out"]) -> Recording:
     )
 
 
-MACHINES: dict[str, Callable[[Path], Problem]] = {f.__name__: f for f in (axis, pendulum, stage, rotor, flight)}
+MACHINES: dict[str, Callable[[Path], Problem]] = {f.__name__: f for f in (axis, pendulum, stage, rotor, joint, oscillator, flight)}
 
 
 def told(found: Diagnosis) -> str:

@@ -1,10 +1,11 @@
-"""Models of three recorded machines, declared from components of the library: the plants of `real_sets.py`.
+"""Models of recorded machines, declared from components of the library: the plants of `real_sets.py` and `real_diagnoses.py`.
 
 double_pendulum    two links under gravity, a geared drive with friction at either joint
 turned_joint       one joint of an arm while the others are held: friction, which may grow with the load, gravity, inertia
 flexible_stage     a geared hub that carries a flexible link, whose strain gauge may lag
 rigid_stage        the same with a link that does not bend
 driven_rotor       a rotor in bearings, and nothing else
+oscillator         a mass on a spring and a damper, pushed
 flown_body         a quadrotor of which the speeds of the propellers are known, an inertial measurement unit, and cameras that see its pose
 """
 
@@ -30,6 +31,7 @@ from backsight.models.mechanics.rotational import (
     Torque,
 )
 from backsight.models.mechanics.spatial import Accelerometer, BodyElement, Gyro, RigidBody
+from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
 from backsight.models.plants.quadrotor import ROTORS
 from backsight.models.signals import Lag
 
@@ -195,6 +197,23 @@ def rigid_stage(gain: float) -> Model:
 def driven_rotor(gain: float) -> Model:
     """Input i [A]; output phi [rad]. gain [N.m/A] of the motor."""
     return _driven("driven_rotor", gain, body="rotor", J=1e-5, outputs={"phi": "encoder.phi"})
+
+
+def oscillator() -> Model:
+    """Input u [N]; output y [m]."""
+    parts = {"spring": Spring(k=1.0), "damper": Damper(d=1e-4)}
+    return Model(
+        name="oscillator",
+        components={"mass": Mass(m=1e-5), **parts, "ground": Fixed(), "source": Force(), "sensor": PositionSensor()},
+        connections=[
+            *(("mass.flange", f"{part}.flange_a") for part in parts),
+            *((f"{part}.flange_b", "ground.flange") for part in parts),
+            ("mass.flange", "source.flange"),
+            ("mass.flange", "sensor.flange"),
+        ],
+        inputs={"u": "source.f"},
+        outputs={"y": "sensor.s"},
+    )
 
 
 def flown_body(m: float, inertia: tuple[float, float, float], arm: float) -> Model:

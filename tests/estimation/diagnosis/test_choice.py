@@ -13,7 +13,18 @@ from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.choice import CLEAR, beyond, clear, coloured, evened, held_unseen, matters, simpler_there, sound
+from backsight.estimation.diagnosis.choice import (
+    CLEAR,
+    beyond,
+    clear,
+    coloured,
+    evened,
+    held_unseen,
+    matters,
+    simpler_there,
+    simplest,
+    sound,
+)
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted
@@ -48,6 +59,21 @@ def test_what_gains_no_more_with_more_parameters_is_left_to_a_later_round():
     assert simpler_there(larger, [simple, larger])
     assert not simpler_there(replace(larger, gain=54.0), [simple, larger])
     assert not simpler_there(larger, [screened("elsewhere", "viscous_friction", 50.0), larger])
+
+
+def test_of_what_cannot_be_told_apart_the_plainest_stands():
+    s = screened("p", "x", 9.0)
+    rich, plain, far = ("rich", s, 100.0, (3, 2)), ("plain", s, 98.0, (3, 1)), ("far", s, 96.0, (0, 1))
+    assert simplest([rich, plain, far]) == "plain"
+    assert simplest([rich, far]) == "rich"
+
+
+def test_residuals_that_are_not_white_widen_what_cannot_be_told_apart_and_count_against_what_leaves_them():
+    clean, coloured_ones = (replace(screened("p", "x", 9.0), inflation=f) for f in (2.0, 4.0))
+    best, other, poor = ("best", coloured_ones, 780.0, (2, 1)), ("other", clean, 772.0, (3, 2)), ("poor", clean, 700.0, (3, 1))
+    assert simplest([best, other, poor]) == "other"  # 12 nats are none here; worth 386 against 195
+    assert simplest([best, ("other", coloured_ones, 772.0, (3, 2)), poor]) == "best"
+    assert simplest([best, ("unscored", None, 772.0, (0, 1)), poor]) == "unscored"
 
 
 @pytest.mark.parametrize(("estimate", "out"), [(0.5, False), (-0.7, False), (-0.9, True), (4.5, True)])

@@ -96,6 +96,13 @@ def test_gzip_parquet_and_mat_files_read_the_same(tmp_path):
         assert np.array_equal(recording.outputs["x"], SOUND["x_m"])
 
 
+def test_a_packed_file_may_be_called_anything(tmp_path):
+    (tmp_path / "r.csv.gz").write_bytes(gzip.compress(text()))
+    found = Recording.read(tmp_path / "r.csv.gz", name="fit", time="t_s", inputs={"F": "F_N"}, outputs={"x": "x_m"})
+    assert found.name == "fit"
+    assert np.array_equal(found.outputs["x"], SOUND["x_m"])
+
+
 def test_parquet_files_read_the_same(tmp_path):
     pytest.importorskip("pyarrow")
     SOUND.astype({"x_m": "float64"}).to_parquet(tmp_path / "source.parquet")

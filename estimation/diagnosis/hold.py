@@ -1,0 +1,58 @@
+"""Inputs that run straight from row to row where a study takes them for held: half a row early, in effect, at every frequency.
+
+A recorder that reads a smooth input leaves rows of which nobody can say what was between them; held is what a study says by leaving it out.
+One score asks what the difference would gain, and where that is clear both are smoothed: the evidence decides, before anything is looked
+for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from backsight.models import Model
+
+from ..problem import Problem
+from ..results import Smoothing
+from ..smoothing.program import Settings
+from .candidates import Candidate, Signal
+from .choice import CLEAR
+from .refit import evidence
+from .score import Linearised
+from .supermodel import looked_at
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+Base = tuple[Smoothing, Settings]
+
+
+def straight(_: Array, values: Array) -> Array:
+    """Means over the rows of what runs straight from one to the next; (n,)."""
+    return np.asarray((values + np.append(values[1:], values[-1])) / 2)
+
+
+def promised(problem: Problem, model: Model, first: Smoothing) -> float:
+    """Nats that a smoothing with straight inputs would gain, by the score of one with held inputs; 0 where they are not held."""
+    if first.solution is None or not model.inputs or any(r.hold != "zero" or r.open_hold for r in problem.recordings):
+        return 0.0
+    places = tuple(f"input:{name}" for name in model.inputs)
+    candidate = Candidate(place=places[0], family="actuator", physics="hold", signals=(Signal(of=places, changed=straight),))
+    base = Linearised(first.solution)
+    (look,) = looked_at(problem, model, base, [candidate])
+    scores = base.scores(look.columns)
+    return float(-scores.b[0] - scores.G[0, 0] / 2)
+
+
+def with_better_hold(problem: Problem, model: Model, first: Base, smoothed: Callable[[Problem], Base]) -> tuple[Problem, Base, str]:
+    """The problem with its inputs held or straight, its smoothing and how that was done, and what there is to say."""
+    if promised(problem, model, first[0]) < CLEAR:
+        return problem, first, ""
+    other = replace(problem, recordings=[replace(r, hold="linear") for r in problem.recordings])
+    second = smoothed(other)
+    more = evidence(other, second[0]) - evidence(problem, first[0])
+    if not more > CLEAR:
+        return problem, first, ""
+    said = f"Inputs were taken to run straight from row to row, not to be held: {more:.3g} nats more. Say hold = 'linear' if that is so."
+    return other, second, said
