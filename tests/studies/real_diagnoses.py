@@ -8,8 +8,8 @@ pendulum    F. Wiebe et al.: two joints without friction. Known: Coulomb frictio
 stage       a geared hub with a flexible link, taken for rigid, without dry friction. Known: stiffness 23..27 N.m/rad; Coulomb 1.2 N.m
 rotor       H. Andrade: a motor at one turn a second. Known: cogging 72 times a turn, 0.17 A at 0.032 N.m/A; stiction 0.054 A
 joint       one joint of an arm in one slow sine, without dry friction. Known: Coulomb friction 12.5 N.m, viscous friction 21.3 N.m.s/rad
-oscillator  T. Wigren, J. Schoukens: a circuit that moves as a mass on a hardening spring, taken for a linear one. Known: a cubic stiffness and
-            an offset
+oscillator  T. Wigren, J. Schoukens: a circuit that moves as a mass on a hardening spring, taken for a linear one. Known: a cubic stiffness
+            and an offset
 flight      a small quadrotor, the speeds of its propellers known. Known: drag in proportion to the velocity, 0.31..0.44 1/s times its mass;
             4.06e-10 N/rpm2
 """
