@@ -12,6 +12,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from backsight.models import Model
 from backsight.models.errors import InputError, SolveError
 from backsight.ocp import Options
@@ -29,7 +31,7 @@ from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
-from .refit import HELD, QUICKLY
+from .refit import HELD, QUICKLY, evidence
 from .search import Progress, Search
 from .verdict import Diagnosis
 
@@ -85,6 +87,9 @@ def diagnose(
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
+    if not first.solver.converged:
+        notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
+        verdict = "undecided" if verdict == "none" else verdict
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out = None
@@ -119,13 +124,14 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
-    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first.
+    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. A model that
+    does not come to rest either way is taken as it was left then: what it lacks may be what keeps it from that.
     """
     weighed, held = Settings(hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
     ways = [(weighed, QUICKLY), (held, HELD)]
     if unseen_states(problem.plain):
         ways.reverse()
-    result, status = None, "it took too long"
+    status, near = "it took too long", None
     for way, fits in ways:
         say("the model as it is" + ("" if way.weigh else ", with weights from the forces' sizes"))
         name = kept.name(f"the model as it is, {'weighed' if way.weigh else 'held'}")
@@ -133,4 +139,8 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
         if result is not None and result.solver.converged:
             return result, fits
         status = status if result is None else result.solver.status.rstrip(".")
+        if result is not None and not way.weigh and np.isfinite(evidence(problem, result, ended=False)):
+            near = result
+    if near is not None:
+        return near, HELD
     raise InputError(f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.")

@@ -65,14 +65,16 @@ class Fitted:
         return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result) + self.rescaled
 
 
-def evidence(problem: Problem, result: Smoothing) -> float:
+def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> float:
     """Log evidence; -inf where there is none. Of a parameter of which nothing is known beforehand, as much is as one sample tells.
+
+    ended: there is none either where the solver has not come to rest.
 
     With p ~ N(p^, n std^2) (unit information: R. E. Kass, L. Wasserman, J. Amer. Statist. Assoc. 90, 1995) for the even spread over its
     nominal size of `Criteria`, evidences do not hang on units: two names of one effect, in N and in m/s, have the same.
     """
     c = result.criteria
-    if not result.solver.converged or c is None or c.log_evidence is None:
+    if (ended and not result.solver.converged) or c is None or c.log_evidence is None:
         return -np.inf
     total = c.log_evidence
     for info in problem.posed.dae.parameters:

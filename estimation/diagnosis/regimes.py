@@ -76,9 +76,12 @@ def moved(base: Linearised, whole: Look, strengths: Array, onset: float) -> tupl
 
 
 def onset(base: Linearised, found: Screened) -> float | None:
-    """The time from which on it acts [s]; None from the start, and of recordings that have each a clock of its own."""
+    """The time from which on it acts [s]; None from the start, and of recordings that have each a clock of its own.
+
+    Of what might set in as a candidate of its own, what that says; of others, what their score says.
+    """
     clock = _Clock.of(base)
-    if found.candidate.onset is not None or clock is None:
+    if found.candidate.physics in SETTING_IN or clock is None:
         return found.candidate.onset
     first, _ = clock.best(base, found.look.columns, clock.grid)
     time, most = clock.best(base, found.look.columns, clock.about(first, clock.span / (ONSETS + 1)))

@@ -84,7 +84,7 @@ class Search:
         Where weights are held they come from the data as soon as the model bears it: evidences at held weights find what leads most of the
         forces astray, but what is left of them then they take for an effect too. A model that has none at held weights is weighed at once.
         """
-        tried, more = not self.settings.weigh and not np.isfinite(evidence(self.problem, self.result)), True
+        tried, more = not self.settings.weigh and not np.isfinite(evidence(self.problem, self.result, ended=False)), True
         if tried:
             self._weighed()
         while more:
@@ -149,7 +149,7 @@ class Search:
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
-        now = evidence(self.problem, self.result)
+        now = evidence(self.problem, self.result, ended=False)
         if not self.settings.weigh:
             now += rescaled(base.solution)
         worth = [dated(base, s) for s in chosen(found, sizes)]
