@@ -73,9 +73,11 @@ clean:
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Stamps: an environment is made again only when what it was made from has changed.
+# The lock is complete. Without --no-deps, pip before 23.3 looks beyond it for what is required with an extra (coverage[toml]),
+# and refuses the first release that is newer than the lock.
 $(VENV)/.installed: requirements.lock pyproject.toml
 	@$(call environment,$(VENV))
-	$(VENV)/bin/python $(PIP) install --require-hashes --requirement requirements.lock
+	$(VENV)/bin/python $(PIP) install --no-deps --require-hashes --requirement requirements.lock
 	$(VENV)/bin/python $(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
