@@ -34,7 +34,7 @@ CORRECTIONS, WORTH = 3, 0.05  # of a step that leads off curved constraints, of 
 SHORTEST = 1e-4  # step length at which exact second derivatives lead further, as they do after
 TIRED, LITTLE = 8, 0.1  # steps in a row that were as short, or were damped and saved no more, a log-likelihood
 CURVED, STRAIGHT = 0.2, 0.9  # lengths of a step below which the next one is damped more, and above which less
-DAMPED, LEAST_DAMPED = 1e-3, 1e-6  # by how much at first, as a share of the diagonal, and at least
+DAMPED, LEAST_DAMPED, MOST_DAMPED = 1e-3, 1e-6, 1e3  # by how much at first, as a share of the diagonal, at least and at most
 EPS = float(np.finfo(np.float64).tiny)
 
 
@@ -49,18 +49,18 @@ def descend_on_constraints(
 ) -> Descent:
     """From X = 0 to where the gradient of the Lagrangian is below the tolerance; lower, upper (n + np,).
 
-    Where a valley bends, steps are damped (D. W. Marquardt, J. SIAM 11, 1963). What cannot go on (numbers that are not finite, a matrix
-    without an inverse, steps that lead nowhere) ends where it is, unsolved.
+    Where a valley bends, or no part of a step leads down, steps are damped (D. W. Marquardt, J. SIAM 11, 1963). What cannot go on (numbers
+    that are not finite, a matrix without an inverse, damped steps that lead nowhere) ends where it is, unsolved.
     """
     evaluated, end = nlp.assembled.evaluated, time.monotonic() + seconds
     equal = [k for k, term in enumerate(nlp.terms) if term.equality]
     here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
     multipliers, mu, damping, still, solved, acceptable = np.zeros(nlp.constraint_count), 0.0, 0.0, False, False, False
-    iteration, lame = 0, 0
+    iteration, lame, parts = 0, 0, list[Linearised]()
     for iteration in range(limit + 1):
         if not here.finite:
             break
-        parts = [evaluated.linearised(number, here.X, values) for number in range(len(nlp.terms))]
+        parts = parts or [evaluated.linearised(number, here.X, values) for number in range(len(nlp.terms))]
         squares = [part for part in parts if part.number not in equal]
         g = evaluated.gradient(squares)
         try:
@@ -84,11 +84,14 @@ def descend_on_constraints(
         if promise < -ROUNDED * merit:
             there = _searched(nlp, values, here, s, kkt, mu, promise, (lower, upper))
         if there is None:
+            if -promise > max(LITTLE, ROUNDED * merit) and damping < MOST_DAMPED:
+                damping = max(100 * damping, DAMPED)
+                continue
             acceptable = on_them and slope <= 1e3 * tolerance
             break
         length, saved = float(np.linalg.norm(there.X - here.X) / np.linalg.norm(s)), merit - there.merit(mu)
         damping = _damped(damping, length)
-        still, here = abs(saved) <= STILL * max(abs(merit), 1.0), there
+        still, here, parts = abs(saved) <= STILL * max(abs(merit), 1.0), there, []
         lame = lame + 1 if length < WORTH or (damping > 0 and saved < LITTLE) else 0
         if lame == TIRED:
             break
@@ -120,12 +123,13 @@ class _Point:
 
 def _at(nlp: Nlp, X: Array, values: Values) -> _Point:
     cost, c = 0.0, list[Array]()
-    for term, rows in zip(nlp.terms, nlp.assembled.evaluated.rows(X, values), strict=True):
-        if term.equality:
-            c.append(rows.ravel(order="F"))
-        else:
-            cost += float(np.sum(rows**2)) / 2
-    return _Point(X, cost, np.concatenate(c))
+    with np.errstate(over="ignore", invalid="ignore"):  # a step that leads too far is told by `finite`
+        for term, rows in zip(nlp.terms, nlp.assembled.evaluated.rows(X, values), strict=True):
+            if term.equality:
+                c.append(rows.ravel(order="F"))
+            else:
+                cost += float(np.sum(rows**2)) / 2
+        return _Point(X, cost, np.concatenate(c))
 
 
 def _damped(damping: float, length: float) -> float:

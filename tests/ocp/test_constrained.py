@@ -132,3 +132,22 @@ def test_bounds_of_a_trajectory_are_for_another_method_and_fixed_states_are_not(
     assert supported(t.nlp, lower, upper)
     lower[3] = -1.0
     assert not supported(t.nlp, lower, upper)
+
+
+def test_where_no_part_of_a_step_leads_down_a_damped_one_does():
+    dae = MODELS["stiffening"]
+    h = random_horizon(dae, 4, intervals=40)
+    h = replace(h, initial_std=np.full(len(dae.states), 10.0), initial=0.1 * np.ones(len(dae.states)))
+    prior = ParameterPrior(mean=np.array([2.0, 0.7]), std=np.array([1.0, 3.0]))
+    t = transcribe(dae, [h], free=number(dae, "mass.m", "offset.f"), prior=prior, force_std={0: 0.002}, method="spline", degree=2)
+    parameters = np.array([p.value for p in dae.parameters])
+    parameters[list(number(dae, "friction.f_c", "friction.width"))] = 8.0, 0.03  # a sign that plain steps overshoot
+    start = np.random.default_rng(104).normal(size=t.nlp.size) * 0.2
+    start[t.nlp.trajectory_size :] = 1.5, 0.5
+    values = t.nlp.about(t.nlp.values(parameters), start)
+    found = descend_on_constraints(t.nlp, values, *bounds(t), 1e-7, 100)
+    r, J, c, A = dense(t, values, found.X)
+    assert np.abs(c).max() < 1e-8
+    kkt = np.block([[J.T @ J, A.T], [A, np.zeros((len(A), len(A)))]])
+    s = np.linalg.lstsq(kkt, np.concatenate([-J.T @ r, -c]), rcond=None)[0][: t.nlp.size]
+    assert -(J.T @ r) @ s < 0.1  # a plain step would save no more than that of the cost, to first order
