@@ -81,7 +81,7 @@ class Options:
 
     tolerance: float = 1e-6
     gauss_newton_iterations: int = 40
-    max_iterations: int = 100
+    max_iterations: int = 300
     drift: float = 0.02
     max_passes: int = 6
     seconds: float = 1e20

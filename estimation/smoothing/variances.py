@@ -32,6 +32,7 @@ UNTOLD = 0.1  # of a row: what a family always has of freedom and of squares, so
 UNDECIDED = 0.3  # of the deviation of a log-likelihood's slope: a residual force's std that is nearer to its best cannot be told from it
 BOLDEST = 4.0  # times the fixed point's own step, at most
 STALLED = 0.1  # of the cost, a log-likelihood: a round of steps that saves less is half a deviation from its end, and squares do not notice
+CREEPING = 0.02  # share of the cost: nor do they notice less than that, and with much room for forces some ways have no end
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
 CHOSEN = 0.05  # the share of its rows that the fit chooses then, at most
 FARTHEST, FARTHEST_DOWN = 30.0, 8.0  # largest factors of one round, up and down
@@ -87,7 +88,7 @@ def choose_weights(
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
-        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > STALLED and not hasty:
+        if solution.solved.status is Status.ITERATIONS and abs(before - cost) > max(STALLED, CREEPING * cost) and not hasty:
             continue  # on its way: the next round goes on from here
         if not (solution.solved.status.converged or solution.solved.status is Status.ITERATIONS):
             break
