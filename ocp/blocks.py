@@ -1,4 +1,4 @@
-"""Small dense derivative blocks of one term, and how they add up to large sparse matrices."""
+"""Small dense derivative blocks of one term, and where their entries stand in large sparse matrices."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .columnwise import FEWEST, Columnwise, Mapped, columnwise
+from .columnwise import Columnwise, columnwise
 from .interpolation import Interpolation
 from .polynomials import Array
 from .terms import Term
@@ -54,60 +53,15 @@ class Block:
         self.jacobian_rows, self.jacobian_columns = _triplet(self._jacobian)
 
     @cached_property
-    def _gradient(self) -> Any:
-        return ca.densify(ca.jtimes(self._column, self._v, self._lam, True))
-
-    @cached_property
     def _hessian(self) -> Any:
-        return ca.tril(ca.hessian(ca.dot(self._lam, self._column), self._v)[0])
-
-    @cached_property
-    def _slots(self) -> Any:
-        return ca.SX.sym("j", len(self.jacobian_rows))
-
-    @cached_property
-    def _square(self) -> Any:
-        pattern = ca.Sparsity.triplet(*self._jacobian.shape, self.jacobian_rows.tolist(), self.jacobian_columns.tolist())
-        J = ca.SX(pattern, self._slots)
-        return ca.tril(J.T @ J)
+        return ca.triu(ca.hessian(ca.dot(self._lam, self._column), self._v)[0])
 
     @property
     def curved(self) -> bool:
         """Whether the values are not linear in v."""
         return bool(self._hessian.nnz() > 0)
 
-    # ---- mapped over all columns; arguments as `arguments` gives them
-
-    @cached_property
-    def value(self) -> Any:
-        """Values m, (K m, C)."""
-        return self._mapped("value", self._arguments, self._column)
-
-    @cached_property
-    def jacobian(self) -> Any:
-        """Nonzeros of the derivative of m in v."""
-        return self._mapped("jacobian", self._arguments, _nonzeros(self._jacobian))
-
-    @cached_property
-    def adjoint(self) -> Any:
-        """Gradient of lam . m in v; one more argument, lam (K m, C)."""
-        return self._mapped("adjoint", [*self._arguments, self._lam], self._gradient)
-
-    @cached_property
-    def hessian(self) -> Any:
-        """Nonzeros of the lower triangle of the Hessian of lam . m in v."""
-        return self._mapped("hessian", [*self._arguments, self._lam], _nonzeros(self._hessian))
-
-    @cached_property
-    def square(self) -> Any:
-        """Nonzeros of the lower triangle of J'J from the nonzeros of J."""
-        return self._mapped("square", [self._slots], _nonzeros(self._square))
-
-    def _mapped(self, name: str, inputs: list[Any], *outputs: Any) -> Any:
-        function = _function(name, inputs, *outputs)
-        return Mapped(function, self.term.columns) if self.term.columns >= FEWEST else function.map(self.term.columns)
-
-    # ---- in numbers; arguments as `numbers` gives them
+    # ---- of all columns; arguments as `numbers` gives them
 
     @cached_property
     def valued(self) -> Columnwise:
@@ -119,45 +73,24 @@ class Block:
         """Values m and the nonzeros of their derivative in v."""
         return columnwise(_function("linearised", self._arguments, self._column, _nonzeros(self._jacobian)), COMMON)
 
-    # ---- between columns, intervals and decisions
+    @cached_property
+    def bent(self) -> Columnwise:
+        """Nonzeros of the Hessian of lam . m in v, its upper triangle; one more argument, lam (K m, C)."""
+        return columnwise(_function("hessian", [*self._arguments, self._lam], _nonzeros(self._hessian)), COMMON)
 
-    def arguments(self, c: Any, theta: Any, parameters: Any, base: Any, data: Any) -> list[Any]:
-        """What the mapped functions take at every column, as far as it is used."""
-        ell, free, fixed, _, known, rows = self._used
-        where = self.index[ell][:, self.term.interval].ravel(order="F").tolist()
-        local = ca.reshape(c[where], len(ell), self.term.columns)
-        repeated = [ca.repmat(vector[used], 1, self.term.columns) for vector, used in ((theta, free), (parameters, fixed))]
-        return [local, *repeated, ca.MX(ca.DM(self._numbers)), _rows(base, known), _rows(data, rows)]
+    @cached_property
+    def bent_places(self) -> tuple[Index, Index]:
+        """Row and column of these nonzeros in v."""
+        return _triplet(self._hessian)
 
     def numbers(self, c: Array, theta: Array, parameters: Array, base: Array, data: Array) -> list[Array]:
-        """The same of numbers, but what all columns have in common as vectors."""
+        """What the functions take at every column, as far as it is used; what all columns have in common as vectors."""
         _, free, fixed, _, known, rows = self._used
         return [c[self._taken], theta[free], parameters[fixed], self._numbers, base[known], data[rows]]
 
     @cached_property
     def _taken(self) -> Index:
         return self.index[self._used[0]][:, self.term.interval]
-
-    def scaled(self, jacobian: Any, scale: Any) -> Any:
-        """Nonzeros of every column's Jacobian times its rows' scale."""
-        return jacobian * _rows(scale, self.jacobian_rows.tolist())
-
-    def to_intervals(self, of_columns: Any) -> Any:
-        """Sums over the columns of every interval, (n, C) to (n, N)."""
-        owner = self.term.interval
-        if len(owner) == self.intervals and np.array_equal(owner, np.arange(self.intervals)):
-            return of_columns
-        ones = sp.csc_matrix((np.ones(len(owner)), (np.arange(len(owner)), owner)), shape=(len(owner), self.intervals))
-        return of_columns @ _constant(ones)
-
-    def to_decisions(self, of_columns: Any) -> Any:
-        """Gradient (n + np,) from the gradients of every column, (local + np, C)."""
-        of_intervals = self.to_intervals(of_columns)
-        where = sp.csc_matrix(
-            (np.ones(self.index.size), (self.index.ravel(order="F"), np.arange(self.index.size))),
-            shape=(self.trajectory_size, self.index.size),
-        )
-        return ca.vertcat(_constant(where) @ ca.vec(of_intervals[: self.local, :]), ca.sum2(of_intervals[self.local :, :]))
 
     # ---- where the entries of small matrices stand in the large ones; shape (nonzeros, columns)
 
@@ -169,60 +102,11 @@ class Block:
         out[~inside] = (self.trajectory_size + local[~inside] - self.local)[:, None]
         return out
 
-    def hessian_entries(self) -> tuple[Index, Index]:
-        """Row and column of every nonzero of every interval's Hessian."""
-        return self._entries(self._hessian)
-
-    def square_entries(self) -> tuple[Index, Index]:
-        """The same for the Gauss-Newton blocks."""
-        return self._entries(self._square)
-
-    def _entries(self, small: Any) -> tuple[Index, Index]:
-        rows, columns = _triplet(small)
-        every = np.arange(self.intervals)
-        return self._decision(rows, every), self._decision(columns, every)
-
     def jacobian_entries(self, offset: int) -> tuple[Index, Index]:
         """Constraint and decision index of every nonzero of every column's Jacobian."""
         m, count = self.term.target.shape
         rows = offset + self.jacobian_rows[:, None] + m * np.arange(count)[None, :]
         return rows, self._decision(self.jacobian_columns, self.term.interval)
-
-
-class Scatter:
-    """Adds blocks of entries into one sparse matrix whose pattern is their union."""
-
-    def __init__(self) -> None:
-        self._places: list[tuple[Index, Index]] = []
-        self._values: list[Any] = []
-
-    def add(self, rows: Index, columns: Index, values: Any) -> None:
-        """Entries `values` (nonzeros, columns) at `rows`, `columns` of the same shape."""
-        self._places.append((rows.ravel(order="F"), columns.ravel(order="F")))
-        self._values.append(ca.vec(values))
-
-    def matrix(self, rows: int, columns: int, row_unit: Any, column_unit: Any) -> Any:
-        """The sum as a sparse matrix; a square one is symmetric and only its upper triangle is made."""
-        if not self._places:
-            return ca.MX(rows, columns)
-        symmetric = row_unit is not None
-        i, j = (np.concatenate(a) for a in zip(*self._places, strict=True))
-        if symmetric:
-            i, j = np.minimum(i, j), np.maximum(i, j)
-        key = j * rows + i
-        places, inverse = np.unique(key, return_inverse=True)
-        row, column = places % rows, places // rows
-        colind = np.searchsorted(column, np.arange(columns + 1))
-        total, start = ca.MX.zeros(len(places)), 0
-        for value in self._values:
-            stop = start + value.shape[0]
-            into = sp.csc_matrix((np.ones(stop - start), (inverse[start:stop], np.arange(stop - start))), shape=(len(places), stop - start))
-            total += _constant(into) @ value
-            start = stop
-        total *= column_unit[column.tolist()]
-        if symmetric:
-            total *= row_unit[row.tolist()]
-        return ca.MX(ca.Sparsity(rows, columns, colind.tolist(), row.tolist()), total)
 
 
 @dataclass(frozen=True)
@@ -276,10 +160,6 @@ def _used(expression: Any, symbols: Any) -> list[int]:
     return sorted(set(ca.jacobian_sparsity(expression, symbols).get_col()))
 
 
-def _rows(matrix: Any, rows: list[int]) -> Any:
-    return matrix if rows == list(range(matrix.shape[0])) else matrix[rows, :]
-
-
 def _triplet(matrix: Any) -> tuple[Index, Index]:
     rows, columns = matrix.sparsity().get_triplet()
     return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
@@ -287,9 +167,3 @@ def _triplet(matrix: Any) -> tuple[Index, Index]:
 
 def _nonzeros(matrix: Any) -> Any:
     return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
-
-
-def _constant(matrix: Any) -> Any:
-    csc = sp.csc_matrix(matrix)
-    csc.sort_indices()
-    return ca.MX(ca.DM(ca.Sparsity(*csc.shape, csc.indptr.tolist(), csc.indices.tolist()), csc.data))

@@ -162,54 +162,6 @@ class Columnwise:
         return [a.T for a in out]
 
 
-class Mapped(ca.Callback):
-    """A `Columnwise` without shared arguments as a node of other CasADi functions, with arguments (n, C) and results (m, C).
-
-    It has no derivatives. CasADi keeps no reference to it: whoever calls what it is a node of has to. It also turns an interrupt into an
-    evaluation that failed: so all fail from then on, and `interrupted` tells why.
-    """
-
-    interrupted = False
-
-    def __init__(self, function: Any, count: int) -> None:
-        ca.Callback.__init__(self)
-        self._function, self._count, self._wide = function, count, columnwise(function)
-        self.construct(function.name(), {})
-
-    def get_n_in(self) -> int:
-        """As the function."""
-        return int(self._function.n_in())
-
-    def get_n_out(self) -> int:
-        """As the function."""
-        return int(self._function.n_out())
-
-    def get_sparsity_in(self, i: int) -> Any:
-        """Dense."""
-        return ca.Sparsity.dense(self._function.numel_in(i), self._count)
-
-    def get_sparsity_out(self, i: int) -> Any:
-        """Dense."""
-        return ca.Sparsity.dense(self._function.size1_out(i), self._count)
-
-    def has_eval_buffer(self) -> bool:
-        """Numbers come and go in place."""
-        return True
-
-    def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
-        """Called by CasADi."""
-        if Mapped.interrupted:
-            return 1
-        given = [np.frombuffer(a, dtype=np.float64).reshape(self._count, -1).T if len(a) else np.empty((0, self._count)) for a in arg]
-        try:
-            for found, out in zip(self._wide(*given), res, strict=True):
-                np.frombuffer(out, dtype=np.float64).reshape(self._count, -1).T[:] = found
-        except KeyboardInterrupt:
-            Mapped.interrupted = True
-            return 1
-        return 0
-
-
 class _Bound:
     """The operations with their places in a work vector of a certain width, (registers, width)."""
 

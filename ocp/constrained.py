@@ -52,7 +52,7 @@ def descend_on_constraints(
     Where a valley bends, or no part of a step leads down, steps are damped (D. W. Marquardt, J. SIAM 11, 1963). What cannot go on (numbers
     that are not finite, a matrix without an inverse, damped steps that lead nowhere) ends where it is, unsolved.
     """
-    evaluated, end = nlp.assembled.evaluated, time.monotonic() + seconds
+    evaluated, end = nlp.evaluated, time.monotonic() + seconds
     equal = [k for k, term in enumerate(nlp.terms) if term.equality]
     here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
     multipliers, mu, damping, still, solved, acceptable = np.zeros(nlp.constraint_count), 0.0, 0.0, False, False, False
@@ -124,7 +124,7 @@ class _Point:
 def _at(nlp: Nlp, X: Array, values: Values) -> _Point:
     cost, c = 0.0, list[Array]()
     with np.errstate(over="ignore", invalid="ignore"):  # a step that leads too far is told by `finite`
-        for term, rows in zip(nlp.terms, nlp.assembled.evaluated.rows(X, values), strict=True):
+        for term, rows in zip(nlp.terms, nlp.evaluated.rows(X, values), strict=True):
             if term.equality:
                 c.append(rows.ravel(order="F"))
             else:

@@ -27,9 +27,9 @@ def start_on_constraints(nlp: Nlp, values: Values, lower: Array, upper: Array) -
     lower, upper (n + np,): bounds of X. What they fix stays, and so do the parameters.
     """
     X = np.zeros(nlp.size)
-    if not nlp.constraint_count or not nlp.assembled.linear_constraints:
+    if not nlp.constraint_count or not nlp.evaluated.linear_constraints:
         return X
-    evaluated = nlp.assembled.evaluated
+    evaluated = nlp.evaluated
     parts = [evaluated.linearised(number, X, values) for number, term in enumerate(nlp.terms) if term.equality]
     c = np.concatenate([part.r.ravel(order="F") for part in parts])
     movable = np.flatnonzero((lower < upper)[: nlp.trajectory_size])

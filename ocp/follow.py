@@ -108,7 +108,7 @@ def _thinned(horizon: Horizon) -> Horizon:
 def _softest_needed(close: Solver, values: Any, roughness: sp.csc_matrix, x: Array, count: int) -> tuple[Array, float]:
     """One linearisation at x and the whole ladder of alpha on it; returns the decisions and the mean square foreseen."""
     H = close.hessian(x, values)[0]
-    evaluated = close.nlp.assembled.evaluated
+    evaluated = close.nlp.evaluated
     gradient = evaluated.gradient([evaluated.linearised(k, x, values) for k in range(len(close.nlp.terms))])
     square = float(np.sum(close.rows(x, values)[0] ** 2))
     tiny = sp.identity(len(x), format="csc") * 1e-12 * max(float(H.diagonal().max()), 1e-300)

@@ -47,7 +47,7 @@ def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: flo
     """From X = 0, or what is nearest to it within the bounds (n + np,), to where the projected gradient is below the tolerance."""
     if nlp.constraint_count:
         raise ValueError(f"descend(nlp=...) is for programs without constraints; this one has {nlp.constraint_count}.")
-    evaluated = nlp.assembled.evaluated
+    evaluated = nlp.evaluated
     X = np.clip(np.zeros(nlp.size), lower, upper)
     cost = evaluated.cost(X, values)
     still = False

@@ -13,11 +13,11 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-from .columnwise import Mapped
 from .constrained import descend_on_constraints, supported
 from .feasible import start_on_constraints
 from .gauss_newton import descend
 from .nlp import Nlp, Values
+from .oracle import Oracle
 from .polynomials import Array
 
 
@@ -100,8 +100,6 @@ class Solver:
         return {"nlp": self.nlp, "options": self.options}
 
     def _make(self, hessian: Any, max_iterations: int) -> Any:
-        a = self.nlp.assembled
-        program = ca.Function("program", [a.x, a.p], [a.f(a.x, a.p), a.g(a.x, a.p)], ["x", "p"], ["f", "g"])
         ipopt: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -124,23 +122,27 @@ class Solver:
             "ipopt": ipopt,
             "print_time": False,
             "show_eval_warnings": False,
-            "grad_f": a.grad,
-            "jac_g": a.jac,
+            "grad_f": self._oracle.gradient(),
+            "jac_g": self._oracle.jacobian(),
             "hess_lag": hessian,
             "error_on_fail": False,
             # the sensitivity of the cost to p is asked by no one, and its gradient in X is given
             "calc_lam_p": False,
             "no_nlp_grad": True,
         }
-        return ca.nlpsol("solver", "ipopt", program, options)
+        return ca.nlpsol("solver", "ipopt", self._oracle.program(), options)
+
+    @cached_property
+    def _oracle(self) -> Oracle:
+        return Oracle(self.nlp)
 
     @cached_property
     def _gauss_newton(self) -> Any:
-        return self._make(self.nlp.assembled.gauss_newton, self.options.gauss_newton_iterations)
+        return self._make(self._oracle.hessian(exact=False), self.options.gauss_newton_iterations)
 
     @cached_property
     def _newton(self) -> Any:
-        return self._make(self.nlp.assembled.hess, self.options.max_iterations)
+        return self._make(self._oracle.hessian(exact=True), self.options.max_iterations)
 
     def solve(
         self,
@@ -210,9 +212,9 @@ class Solver:
     def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None) -> Solved:
         """near: where plain steps arrived, which cost a fraction of Ipopt's."""
         low, high = here.scaled(lower), here.scaled(upper)
+        self._oracle.about(here)
         answer = solver(
             x0=start_on_constraints(self.nlp, here, low, high) if near is None else here.scaled(near.decisions),
-            p=here.packed(),
             lbx=low,
             ubx=high,
             lbg=0.0,
@@ -220,12 +222,11 @@ class Solver:
             lam_g0=multipliers,
         )
         stats, X = solver.stats(), np.asarray(answer["x"], dtype=np.float64).ravel()
-        status = Status.INTERRUPTED if Mapped.interrupted else _STATUS.get(stats["return_status"], Status.NUMERICS)
-        Mapped.interrupted = False
+        status = Status.INTERRUPTED if self._oracle.interrupted else _STATUS.get(stats["return_status"], Status.NUMERICS)
         failed = status in (Status.NUMERICS, Status.INTERRUPTED)  # Ipopt's own cost is 0 where the start is no number
         return Solved(
             decisions=here.decisions(X),
-            cost=self.nlp.assembled.evaluated.cost(X, here) if failed else float(answer["f"]),
+            cost=self.nlp.evaluated.cost(X, here) if failed else float(answer["f"]),
             multipliers=np.asarray(answer["lam_g"], dtype=np.float64).ravel(),
             status=status,
             iterations=int(stats["iter_count"]) + (near.iterations if near is not None else 0),
@@ -253,24 +254,20 @@ class Solver:
 
     def hessian(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix]:
         """Upper triangle of the Gauss-Newton Hessian and the Jacobian of the constraints, in the program's units."""
-        evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
+        evaluated, X = self.nlp.evaluated, values.scaled(decisions)
         parts = [evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if not term.equality]
         return evaluated.upper(evaluated.squares(parts)), self.jacobian(decisions, values)
 
     def exact_hessian(self, solved: Solved, values: Values) -> sp.csc_matrix:
         """Upper triangle of the Hessian of the Lagrangian at what a solve gave, in the program's units."""
-        try:
-            answer = self.nlp.assembled.hess(values.scaled(solved.decisions), values.packed(), 1.0, solved.multipliers)
-        except RuntimeError:
-            if Mapped.interrupted:
-                Mapped.interrupted = False
-                raise KeyboardInterrupt from None
-            raise
-        return sp.csc_matrix(answer.sparse())
+        evaluated, X = self.nlp.evaluated, values.scaled(solved.decisions)
+        parts = [evaluated.linearised(k, X, values) for k in range(len(self.nlp.terms))]
+        entries = evaluated.upper_entries(parts, X, values, 1.0, solved.multipliers, exact=True)
+        return sp.csc_matrix((entries, evaluated.upper_places(exact=True)), shape=(self.nlp.size,) * 2)
 
     def weights(self, decisions: Array, values: Values) -> Array:
         """Diagonal of the Gauss-Newton Hessian, (n + np,)."""
-        evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
+        evaluated, X = self.nlp.evaluated, values.scaled(decisions)
         return evaluated.diagonal([evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if not term.equality])
 
     def kkt(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix, Array]:
@@ -279,7 +276,7 @@ class Solver:
         Constraints have d = 0. A heavy term has its rows r among those of J, with multipliers of their own, r = J dX = d lambda: squares
         of numbers that differ by ten decades would leave nothing of the small ones.
         """
-        evaluated, X, terms = self.nlp.assembled.evaluated, values.scaled(decisions), self.nlp.terms
+        evaluated, X, terms = self.nlp.evaluated, values.scaled(decisions), self.nlp.terms
         parts = [evaluated.linearised(k, X, values) for k in range(len(terms))]
         apart = [terms[part.number].equality or terms[part.number].heavy for part in parts]
         H = evaluated.upper(evaluated.squares([part for part, own in zip(parts, apart, strict=True) if not own]))
@@ -293,16 +290,16 @@ class Solver:
 
     def jacobian(self, decisions: Array, values: Values) -> sp.csc_matrix:
         """The Jacobian of the constraints, in the program's units."""
-        evaluated, X = self.nlp.assembled.evaluated, values.scaled(decisions)
+        evaluated, X = self.nlp.evaluated, values.scaled(decisions)
         return evaluated.jacobian([evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if term.equality])
 
     def rows(self, decisions: Array, values: Values) -> list[Array]:
         """The rows r = (m - target) * scale of every term, each (K m, C)."""
-        return self.nlp.assembled.evaluated.rows(values.scaled(decisions), values)
+        return self.nlp.evaluated.rows(values.scaled(decisions), values)
 
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
         """Derivative of term `number`'s values m (not scaled) in the local unknowns and parameters, (C, K m, local + np)."""
-        return self.nlp.assembled.evaluated.derivative(number, values.scaled(decisions), values)
+        return self.nlp.evaluated.derivative(number, values.scaled(decisions), values)
 
 
 class FixedPoint:

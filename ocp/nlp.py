@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .assembly import Assembled
+from .evaluated import Evaluated
 from .interpolation import Interpolation
 from .polynomials import Array
 from .terms import Term, stacked
@@ -58,13 +58,6 @@ class Values:
     def decisions(self, X: Array) -> Array:
         """Decisions in the units of the model."""
         return np.asarray(self.reference + self.unit * X, dtype=np.float64)
-
-    def packed(self) -> Array:
-        """One vector, the program's `p`."""
-        arrays = [self.parameters, self.unit]
-        for term in zip(self.base, self.data, self.target, self.scale, strict=True):
-            arrays += [a.ravel(order="F") for a in term]
-        return np.concatenate(arrays)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,9 +101,9 @@ class Nlp:
         return np.array([k for k, i in enumerate(self.free) if i in used], dtype=np.int64)
 
     @cached_property
-    def assembled(self) -> Assembled:
-        """The program as CasADi functions of (X, p)."""
-        return Assembled(self)
+    def evaluated(self) -> Evaluated:
+        """The terms in numbers: rows, derivatives and what is summed of them."""
+        return Evaluated(self)
 
     def values(self, parameters: Array) -> Values:
         """The numbers that the terms were made with."""

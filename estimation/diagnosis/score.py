@@ -136,7 +136,7 @@ class Linearised:
     @cached_property
     def _J(self) -> sp.csc_matrix:
         s = self.solution
-        evaluated, X = s.transcription.nlp.assembled.evaluated, s.values.scaled(s.solved.decisions)
+        evaluated, X = s.transcription.nlp.evaluated, s.values.scaled(s.solved.decisions)
         terms = s.transcription.nlp.terms
         return evaluated.jacobian([evaluated.linearised(k, X, s.values) for k, t in enumerate(terms) if not (t.equality or t.heavy)])
 
@@ -192,7 +192,7 @@ class Enlarged:
     def check(self, parameters: Array) -> None:
         """Raises ValueError where the rows at the solution are not the same."""
         values, decisions = self._values(parameters)
-        rows = self._program.nlp.assembled.evaluated.rows(values.scaled(decisions), values)
+        rows = self._program.nlp.evaluated.rows(values.scaled(decisions), values)
         for k, row, term in zip(self._numbered, rows, self._program.nlp.terms, strict=True):
             own = self._base.solution.rows[k]
             if row.shape != own.shape or not np.allclose(row, own, rtol=SAME, atol=SAME * max(1.0, float(np.abs(own).max(initial=0.0)))):
@@ -261,7 +261,7 @@ class Enlarged:
         if term.within is not None:
             if number not in self._read or self._exact:  # no shape is in a reading itself
                 own = nlp.interpolation.local + len(nlp.free) - n
-                self._read[number] = nlp.assembled.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:].copy()
+                self._read[number] = nlp.evaluated.linearised(number, values.scaled(decisions), values).J[:, :, own:].copy()
             return self._read[number]
         parts = zip(_weights(term), self._slopes_at(number, values), strict=True)
         out = sum(weights[:, None, None, None] * J for weights, J in parts)

@@ -93,7 +93,7 @@ class Likelihood:
     def pulls(self) -> Array:
         """J_f'r_f in the program's units, (n + np, F): how the rows of a weight pull at the unknowns."""
         s = self.solution
-        evaluated, X = s.transcription.nlp.assembled.evaluated, s.values.scaled(s.solved.decisions)
+        evaluated, X = s.transcription.nlp.evaluated, s.values.scaled(s.solved.decisions)
         parts = {k: evaluated.linearised(k, X, s.values) for rows in self.rows for k, _ in rows}
         out = np.zeros((s.transcription.nlp.size, len(self.rows)))
         for f, rows in enumerate(self.rows):

@@ -59,7 +59,7 @@ def linearised_balances() -> Any:
     prior = ParameterPrior(mean=np.zeros(len(problem.free)), std=np.full(len(problem.free), np.inf))
     t = transcribe(problem.dae, followed.horizons, free=problem.free, prior=prior, force_std=std, degree=2)
     number = next(k for k, term in enumerate(t.nlp.terms) if term.name == t.force_term)
-    return t.nlp.assembled._blocks[number].linearised._function
+    return t.nlp.evaluated._blocks[number].linearised._function
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from backsight.ocp import columnwise
-from backsight.ocp.columnwise import FEWEST, OPERATIONS, REPAYS, STRIP, Columnwise, Mapped
+from backsight.ocp.columnwise import FEWEST, OPERATIONS, REPAYS, STRIP, Columnwise
 
 RNG = np.random.default_rng(0)
 
@@ -95,14 +95,3 @@ def test_an_argument_may_be_empty():
     values = RNG.normal(size=(2, REPAYS))
     for _ in range(2):
         np.testing.assert_allclose(wide(values, np.empty(0))[0], 2 * values)
-
-
-def test_as_a_node_of_another_function_it_is_the_map():
-    f = everything()
-    count = REPAYS
-    node, x, p, y = Mapped(f, count), ca.MX.sym("x", 3, count), ca.MX.sym("p", 2), ca.MX.sym("y", 2, count)
-    outer = ca.Function("outer", [x, p, y], [2 * part for part in node(x, ca.repmat(p, 1, count), y)])
-    for _ in range(2):
-        numbers = at(count)
-        for got, wanted in zip(outer(*numbers), by_map(f, *numbers), strict=True):
-            np.testing.assert_allclose(np.asarray(got), 2 * wanted, rtol=1e-13, atol=1e-13)

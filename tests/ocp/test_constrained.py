@@ -46,7 +46,7 @@ def dense(t: Transcription, values: Values, X: np.ndarray) -> tuple[np.ndarray, 
     slopes: dict[bool, list[np.ndarray]] = {False: [], True: []}
     n = t.nlp.trajectory_size
     for k, term in enumerate(t.nlp.terms):
-        part = t.nlp.assembled.evaluated.linearised(k, X, values)
+        part = t.nlp.evaluated.linearised(k, X, values)
         for column, interval in enumerate(term.interval):
             J = np.zeros((part.J.shape[1], t.nlp.size))
             J[:, t.nlp.index[:, interval]] = part.J[column, :, : len(t.nlp.index)]
@@ -57,7 +57,7 @@ def dense(t: Transcription, values: Values, X: np.ndarray) -> tuple[np.ndarray, 
 
 
 def factored(t: Transcription, values: Values, fixed: np.ndarray) -> _Kkt:
-    evaluated, X = t.nlp.assembled.evaluated, np.zeros(t.nlp.size)
+    evaluated, X = t.nlp.evaluated, np.zeros(t.nlp.size)
     parts = [evaluated.linearised(k, X, values) for k in range(len(t.nlp.terms))]
     squares = [p for p in parts if not t.nlp.terms[p.number].equality]
     return _Kkt(t.nlp, evaluated.squares(squares), [p for p in parts if t.nlp.terms[p.number].equality], fixed)

@@ -29,14 +29,13 @@ def test_the_start_is_the_nearest_point_on_linear_constraints_that_leaves_what_i
     lower, upper = np.full(nlp.size, -np.inf), np.full(nlp.size, np.inf)
     lower[list(held)] = upper[list(held)] = 0.0
     X = start_on_constraints(nlp, values, lower, upper)
-    assembled, p = nlp.assembled, values.packed()
-    c, J = np.asarray(assembled.g(np.zeros(nlp.size), p)).ravel(), np.asarray(assembled.jac(np.zeros(nlp.size), p)[1])
+    c, J = nlp.evaluated.constraints(np.zeros(nlp.size), values), solver.jacobian(values.decisions(np.zeros(nlp.size)), values).toarray()
     movable = np.setdiff1d(np.arange(n), held)
     nearest = np.zeros(nlp.size)
     nearest[movable] = np.linalg.lstsq(J[:, movable], -c, rcond=None)[0]
     assert np.abs(c).max() > 0.1
     assert pytest.approx(nearest, abs=1e-8) == X
-    assert np.abs(np.asarray(assembled.g(X, p))).max() < 1e-8
+    assert np.abs(nlp.evaluated.constraints(X, values)).max() < 1e-8
 
 
 def test_a_constraint_that_bends_leaves_the_start_as_it_is() -> None:

@@ -31,7 +31,7 @@ def reference(solver: Solver, start: np.ndarray, lower: np.ndarray, upper: np.nd
     values = solver.nlp.about(solver.nlp.values(PARAMETERS), start)
 
     def rows(X: np.ndarray) -> np.ndarray:
-        return np.concatenate([r.ravel() for r in solver.nlp.assembled.evaluated.rows(X, values)])
+        return np.concatenate([r.ravel() for r in solver.nlp.evaluated.rows(X, values)])
 
     bounds = (lower - start, upper - start)
     return scipy.optimize.least_squares(rows, np.clip(0.0, *bounds), bounds=bounds, jac="3-point", xtol=1e-14, ftol=1e-14, gtol=1e-10)
@@ -60,7 +60,7 @@ def test_the_least_squares_are_those_of_a_dense_solver_with_and_without_bounds(b
 def test_the_blocks_of_several_horizons_add_up_to_the_whole_matrix() -> None:
     solver, start = program(3)
     values = solver.nlp.about(solver.nlp.values(PARAMETERS), start)
-    evaluated, n = solver.nlp.assembled.evaluated, solver.nlp.trajectory_size
+    evaluated, n = solver.nlp.evaluated, solver.nlp.trajectory_size
     parts = [evaluated.linearised(k, np.zeros(solver.nlp.size), values) for k in range(len(solver.nlp.terms))]
     J = evaluated.jacobian(parts).toarray()
     at = knots_and_interiors(solver.nlp)

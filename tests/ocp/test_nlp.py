@@ -11,6 +11,7 @@ from truths import differences
 
 from backsight.ocp import Horizon, ParameterPrior, Solver, Transcription, transcribe
 from backsight.ocp.nlp import Values
+from backsight.ocp.oracle import Oracle
 
 DAES = {name: compiled(model()) for name, model in {"oscillator": oscillator, "lagged": lagged, "stiffening": stiffening}.items()}
 
@@ -71,28 +72,38 @@ def point(t: Transcription) -> tuple[Solver, np.ndarray, Values]:
 def test_gradient_jacobian_and_hessian_are_those_of_the_functions(case):
     t = case.transcribed()
     solver, x, values = point(t)
-    a, p, rng = solver.nlp.assembled, values.packed(), np.random.default_rng(4)
+    oracle, rng = Oracle(solver.nlp), np.random.default_rng(4)
+    oracle.about(values)
+    program, grad, jac, hess, square = (
+        oracle.program(),
+        oracle.gradient(),
+        oracle.jacobian(),
+        oracle.hessian(exact=True),
+        oracle.hessian(exact=False),
+    )
     lam, weight = rng.normal(size=solver.nlp.constraint_count), 1.7
 
     def f(x):
-        return np.array(a.f(x, p)).ravel()
+        return np.array(program(x, [])[0]).ravel()
 
     def g(x):
-        return np.array(a.g(x, p)).ravel()
+        return np.array(program(x, [])[1]).ravel()
 
     def gradient(x):
-        return np.array(a.grad(x, p)[1]).ravel()
+        return np.array(grad(x, [])[1]).ravel()
 
     def jacobian(x):
-        return np.array(a.jac(x, p)[1])
+        return np.array(jac(x, [])[1])
 
-    assert float(a.grad(x, p)[0]) == pytest.approx(float(f(x)[0]), rel=1e-14)
-    np.testing.assert_allclose(np.array(a.jac(x, p)[0]).ravel(), g(x), rtol=1e-13, atol=1e-13)
+    assert float(grad(x, [])[0]) == pytest.approx(float(f(x)[0]), rel=1e-14)
+    np.testing.assert_allclose(np.array(jac(x, [])[0]).ravel(), g(x), rtol=1e-13, atol=1e-13)
     close(gradient(x), differences(f, x).ravel())
     close(jacobian(x), differences(g, x))
-    upper = np.array(a.hess(x, p, weight, lam))
+    upper = np.array(hess(x, [], weight, lam))
     assert np.array_equal(upper, np.triu(upper))
     close(symmetric(upper), differences(lambda x: weight * gradient(x) + jacobian(x).T @ lam, x))
+    squares = solver.hessian(values.decisions(x), values)[0].toarray()
+    np.testing.assert_allclose(np.array(square(x, [], weight, lam)), weight * squares, rtol=1e-12, atol=1e-12 * np.abs(squares).max())
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
@@ -108,7 +119,7 @@ def test_the_gauss_newton_hessian_is_the_square_of_the_rows_jacobian(case):
     J = differences(rows, x)
     upper = solver.hessian(values.decisions(x), values)[0].toarray()
     close(symmetric(upper), J.T @ J)
-    assert float(t.nlp.assembled.f(x, values.packed())) == pytest.approx(0.5 * np.sum(rows(x) ** 2), rel=1e-12)
+    assert t.nlp.evaluated.cost(x, values) == pytest.approx(0.5 * np.sum(rows(x) ** 2), rel=1e-12)
 
 
 @pytest.mark.parametrize("case", CASES[:2] + CASES[4:6] + CASES[8:10], ids=str)
@@ -152,8 +163,10 @@ def test_a_missing_sample_changes_neither_cost_nor_gradient_whatever_stands_ther
     target = values.target[i].copy()
     target[missing] = 1e6
     other = replace(values, target=tuple(target if k == i else v for k, v in enumerate(values.target)))
-    for one, two in zip(t.nlp.assembled.grad(x, values.packed()), t.nlp.assembled.grad(x, other.packed()), strict=True):
-        assert np.array_equal(np.array(one), np.array(two))
+    evaluated = t.nlp.evaluated
+    assert evaluated.cost(x, values) == evaluated.cost(x, other)
+    one, two = ([evaluated.linearised(k, x, v) for k in range(len(t.nlp.terms))] for v in (values, other))
+    assert np.array_equal(evaluated.gradient(one), evaluated.gradient(two))
 
 
 def test_the_unknowns_stand_in_time_order_with_the_parameters_last():
@@ -182,8 +195,8 @@ def test_two_horizons_cost_what_they_cost_alone():
     parameters = np.array([p.value for p in dae.parameters])
     alone = [program([h]) for h in horizons]
     edges = np.cumsum([0, *(t.nlp.size for t in alone)])
-    costs = [float(t.nlp.assembled.f(x[a:b], t.nlp.values(parameters).packed())) for t, a, b in zip(alone, edges, edges[1:], strict=False)]
-    assert float(both.nlp.assembled.f(x, both.nlp.values(parameters).packed())) == pytest.approx(sum(costs), rel=1e-13)
+    costs = [t.nlp.evaluated.cost(x[a:b], t.nlp.values(parameters)) for t, a, b in zip(alone, edges, edges[1:], strict=False)]
+    assert both.nlp.evaluated.cost(x, both.nlp.values(parameters)) == pytest.approx(sum(costs), rel=1e-13)
 
 
 def symmetric(upper: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ MOTION = Motion(v_rms=0.1, low=-0.05, high=0.05)
 
 def rows_at(nlp, values, decisions) -> tuple[np.ndarray, np.ndarray]:
     """Rows that are squared, and rows that must be nothing."""
-    rows = nlp.assembled.evaluated.rows(values.scaled(decisions), values)
+    rows = nlp.evaluated.rows(values.scaled(decisions), values)
     squares = [r.T.ravel() for r, t in zip(rows, nlp.terms, strict=True) if not t.equality]
     exact = [r.T.ravel() for r, t in zip(rows, nlp.terms, strict=True) if t.equality]
     return np.concatenate(squares), np.concatenate([np.empty(0), *exact])
