@@ -1,98 +1,77 @@
-"""Small dense derivative blocks of one term, and where their entries stand in large sparse matrices."""
+"""One term of a program at all its columns: values and small derivatives in v = [l_i; theta], and where their entries stand in large ones.
+
+What the model says is differentiated at a point (`pointwise.py`), once for all programs that ask for it; what a column makes of its
+points, T and moments, is linear and comes as a sparse matrix (`lifting.py`). A small matrix of every column stands in one column by its
+nonzeros, whose places are `jacobian_rows/columns`, `bent_places`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
-import casadi as ca
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .columnwise import Columnwise, columnwise
 from .interpolation import Interpolation
+from .lifting import Anywhere, AtNodes, OfNodes, OfPlaces, in_order
+from .pointwise import pointwise
 from .polynomials import Array
 from .terms import Term
 
 Index = NDArray[np.int64]
-
-COMMON = (1, 2)  # arguments that all columns have in common: theta and p
+NOTHING: tuple[Index, Index] = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
 
 
 class Block:
-    """One term's column in the unknowns it depends on, v = [l_i; theta], differentiated for one column and mapped over all.
+    """One term's columns. `local` (local, C) below: local unknowns of the columns' intervals, less the reference's; theta (np,), base, data
+    as in `Values`.
 
-    A small matrix of every column stands in one column by its nonzeros, whose places are `jacobian_rows/columns`, ...
+    `jacobian_rows`, `jacobian_columns`: places of the nonzeros of the derivative of the values m (K m,) in v; `bent_places`: of the upper
+    triangle of the second one of lam . m.
     """
 
-    def __init__(self, interpolation: Interpolation, index: Index, steps: Array, free: Sequence[int], term: Term) -> None:
-        self.term, self.index, self.intervals = term, index, index.shape[1]
-        self.local, self.trajectory_size = interpolation.local, int(index.max()) + 1
-        ell, theta, p = ca.SX.sym("l", self.local), ca.SX.sym("theta", len(free)), ca.SX.sym("p", term.function.size1_in(1))
-        base, data = ca.SX.sym("v", interpolation.rows * term.places), ca.SX.sym("d", term.data.shape[0])
-        basis, numbers = _basis(interpolation, steps, term)
-        merged = ca.SX(p)
-        for k, i in enumerate(free):
-            merged[i] = theta[k]
-        places = []
-        for entries, known in zip(basis.entries, ca.vertsplit(base, interpolation.rows), strict=True):
-            values = ca.SX(known)
-            for entry, value in zip(interpolation.entries, entries, strict=True):
-                values[entry.row] += value * ell[entry.column]
-            places.append(values)
-        column = _column(term, places, merged, p, data)
-        symbols = (ell, theta, p, basis.symbols, base, data)
-        # what the function does not look at is not carried to its columns
-        self._used = [_used(column, s) for s in symbols]
-        self._numbers = numbers[self._used[3]]
-        self._arguments = [s[used] for s, used in zip(symbols, self._used, strict=True)]
-        self._v, self._lam = ca.vertcat(ell, theta), ca.SX.sym("lam", column.shape[0])
-        self._column, self._jacobian = column, ca.jacobian(column, self._v)
-        self.jacobian_rows, self.jacobian_columns = _triplet(self._jacobian)
+    def __init__(self, interpolation: Interpolation, index: Index, term: Term) -> None:
+        self.term, self.index, self.local = term, index, interpolation.local
+        self.trajectory_size = int(index.max()) + 1
 
-    @cached_property
-    def _hessian(self) -> Any:
-        return ca.triu(ca.hessian(ca.dot(self._lam, self._column), self._v)[0])
+    jacobian_rows: Index
+    jacobian_columns: Index
 
     @property
     def curved(self) -> bool:
         """Whether the values are not linear in v."""
-        return bool(self._hessian.nnz() > 0)
+        raise NotImplementedError
 
-    # ---- of all columns; arguments as `numbers` gives them
-
-    @cached_property
-    def valued(self) -> Columnwise:
-        """Values m, (K m, C)."""
-        return columnwise(_function("value", self._arguments, self._column), COMMON)
-
-    @cached_property
-    def linearised(self) -> Columnwise:
-        """Values m and the nonzeros of their derivative in v."""
-        return columnwise(_function("linearised", self._arguments, self._column, _nonzeros(self._jacobian)), COMMON)
-
-    @cached_property
-    def bent(self) -> Columnwise:
-        """Nonzeros of the Hessian of lam . m in v, its upper triangle; one more argument, lam (K m, C)."""
-        return columnwise(_function("hessian", [*self._arguments, self._lam], _nonzeros(self._hessian)), COMMON)
-
-    @cached_property
+    @property
     def bent_places(self) -> tuple[Index, Index]:
-        """Row and column of these nonzeros in v."""
-        return _triplet(self._hessian)
+        """See there."""
+        raise NotImplementedError
 
-    def numbers(self, c: Array, theta: Array, parameters: Array, base: Array, data: Array) -> list[Array]:
-        """What the functions take at every column, as far as it is used; what all columns have in common as vectors."""
-        _, free, fixed, _, known, rows = self._used
-        return [c[self._taken], theta[free], parameters[fixed], self._numbers, base[known], data[rows]]
+    def valued(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> Array:
+        """Values m, (K m, C)."""
+        raise NotImplementedError
+
+    def linearised(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> tuple[Array, Array]:
+        """Values m and the nonzeros of their derivative in v."""
+        raise NotImplementedError
+
+    def bent(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array, lam: Array) -> Array:
+        """Nonzeros of the second derivative of lam . m in v, lam (K m, C)."""
+        raise NotImplementedError
 
     @cached_property
-    def _taken(self) -> Index:
-        return self.index[self._used[0]][:, self.term.interval]
+    def intervals(self) -> Index:
+        """Decision index of the local unknowns of every column's interval, (local, C)."""
+        return np.asarray(self.index[:, self.term.interval])
 
-    # ---- where the entries of small matrices stand in the large ones; shape (nonzeros, columns)
+    def jacobian_entries(self, offset: int) -> tuple[Index, Index]:
+        """Constraint and decision index of every nonzero of every column's Jacobian, (nonzeros, C)."""
+        m, count = self.term.target.shape
+        rows = offset + self.jacobian_rows[:, None] + m * np.arange(count)[None, :]
+        return rows, self._decision(self.jacobian_columns, self.term.interval)
 
     def _decision(self, local: Index, interval: Index) -> Index:
         """Decision index of local positions (k,) in intervals (m,), shape (k, m)."""
@@ -102,68 +81,142 @@ class Block:
         out[~inside] = (self.trajectory_size + local[~inside] - self.local)[:, None]
         return out
 
-    def jacobian_entries(self, offset: int) -> tuple[Index, Index]:
-        """Constraint and decision index of every nonzero of every column's Jacobian."""
-        m, count = self.term.target.shape
-        rows = offset + self.jacobian_rows[:, None] + m * np.arange(count)[None, :]
-        return rows, self._decision(self.jacobian_columns, self.term.interval)
+
+class Inside(Block):
+    """Columns over whole intervals, with the same places in each."""
+
+    def __init__(self, interpolation: Interpolation, index: Index, steps: Array, free: Sequence[int], term: Term) -> None:
+        super().__init__(interpolation, index, term)
+        nodes = np.asarray(term.nodes, dtype=np.float64)
+        self._point = pointwise(term.function, free)
+        self._lift = AtNodes(interpolation, len(free), nodes, steps[term.interval])
+        self._moments = np.eye(len(nodes)) if term.moments is None else np.asarray(term.moments, dtype=np.float64)
+        self._slopes = self._lift.slopes(self._point.pairs, self._moments, self._point.rows)
+        self.jacobian_rows, self.jacobian_columns = self._slopes.places
+
+    @cached_property
+    def _bends(self) -> OfNodes:
+        return self._lift.bends(self._point.bends)
+
+    @property
+    def curved(self) -> bool:
+        return bool(len(self._point.bends[0]))
+
+    @property
+    def bent_places(self) -> tuple[Index, Index]:
+        return self._bends.places
+
+    def valued(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> Array:
+        (phi,) = self._point.valued(*self._arguments(local, theta, parameters, base, data))
+        return self._moments_of(phi)
+
+    def linearised(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> tuple[Array, Array]:
+        phi, nonzeros = self._point.linearised(*self._arguments(local, theta, parameters, base, data))
+        return self._moments_of(phi), self._slopes(nonzeros)
+
+    def bent(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array, lam: Array) -> Array:
+        # of place s: sum over k of moments[s, k] lam_k
+        K, m = self._moments.shape[1], self._point.rows
+        weights = np.einsum("sk,kic->isc", self._moments, lam.reshape(K, m, -1)).reshape(m, -1)
+        return self._bends(self._point.bent(*self._arguments(local, theta, parameters, base, data), weights)[0])
+
+    def _arguments(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> list[Array]:
+        rows, places, count = self._point.looked_at, self._lift.places, self.term.columns
+        v = self._lift.at(rows, local) + _side_by_side(base, places)[rows]
+        return self._point.arguments(v, theta, parameters, _side_by_side(data, places).reshape(-1, places * count))
+
+    def _moments_of(self, phi: Array) -> Array:
+        m = self._point.rows
+        moments: Array = np.einsum("sk,isc->kic", self._moments, phi.reshape(m, self._lift.places, -1))
+        return moments.reshape(-1, self.term.columns)
 
 
-@dataclass(frozen=True)
-class _Basis:
-    """Symbols that every column fills with numbers of its own, and the entries of T at every place in terms of them."""
+class Own(Block):
+    """Columns with a place of their own each, which may also take moments mu of their whole interval (`Within`)."""
 
-    symbols: Any
-    entries: list[list[Any]]
+    def __init__(self, interpolation: Interpolation, index: Index, steps: Array, free: Sequence[int], term: Term) -> None:
+        super().__init__(interpolation, index, term)
+        self._rows, self._inner, within = interpolation.rows, None, term.within
+        if within is not None:
+            inner = replace(term, function=within.function, nodes=within.nodes, moments=within.weights, within=None)
+            self._inner = Inside(interpolation, index, steps, free, inner)
+            self._further = within.function.size1_in(3) * len(within.nodes)  # rows of the data that belong to the places inside
+        mu = 0 if within is None else within.weights.shape[1] * within.function.size1_out(0)
+        self._point = pointwise(term.function, free, mu)
+        tau = term.tau if term.tau is not None else np.zeros(term.columns)
+        values = interpolation.values(np.asarray(tau, dtype=np.float64), steps[term.interval])
+        of_mu = NOTHING if self._inner is None else (self._inner.jacobian_rows, self._inner.jacobian_columns)
+        self._lift = Anywhere(interpolation, len(free), values, of_mu)
+        self._slopes = self._lift.slopes(self._point.pairs)
+        self.jacobian_rows, self.jacobian_columns = self._slopes.places
+
+    @cached_property
+    def _bends(self) -> OfPlaces:
+        return self._lift.bends(self._point.bends)
+
+    @property
+    def curved(self) -> bool:
+        return bool(len(self._point.bends[0])) or (self._inner is not None and self._inner.curved)
+
+    @property
+    def bent_places(self) -> tuple[Index, Index]:
+        return self._bends.places if self._inner is None else self._both[0]
+
+    @cached_property
+    def _both(self) -> tuple[tuple[Index, Index], sp.csr_matrix]:
+        """Places of the second derivative with those of mu, and what adds the nonzeros of both there."""
+        inner = NOTHING if self._inner is None else self._inner.bent_places
+        pairs = [(i, j) for part in (self._bends.places, inner) for i, j in zip(*part, strict=True)]
+        places, which = in_order(pairs)
+        return places, sp.csr_matrix((np.ones(len(pairs)), (which, np.arange(len(pairs)))), shape=(len(places[0]), len(pairs)))
+
+    def valued(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> Array:
+        own, inside = self._parts(base, data)
+        mu = None if self._inner is None else self._inner.valued(local, theta, parameters, *inside)
+        return self._point.valued(*self._arguments(local, theta, parameters, *own, mu))[0]
+
+    def linearised(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> tuple[Array, Array]:
+        (own, inside), mu, slopes = self._parts(base, data), None, np.empty((0, self.term.columns))
+        if self._inner is not None:
+            mu, slopes = self._inner.linearised(local, theta, parameters, *inside)
+        phi, nonzeros = self._point.linearised(*self._arguments(local, theta, parameters, *own, mu))
+        return phi, self._slopes(nonzeros, self._lift.table(slopes))
+
+    def bent(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array, lam: Array) -> Array:
+        (own, inside), mu, slopes = self._parts(base, data), None, np.empty((0, self.term.columns))
+        if self._inner is not None:
+            mu, slopes = self._inner.linearised(local, theta, parameters, *inside)
+        arguments = self._arguments(local, theta, parameters, *own, mu)
+        found = self._bends(self._point.bent(*arguments, lam)[0], self._lift.table(slopes))
+        if self._inner is None or mu is None:
+            return found
+        # curvature of mu itself, by how much lam . phi hangs on it
+        (i, a), nonzeros = self._point.pairs, self._point.linearised(*arguments)[1]
+        first = self._point.unknowns - mu.shape[0]
+        of_mu = np.zeros_like(mu)
+        for row, entry, slope in zip(i, a, nonzeros, strict=True):
+            if entry >= first:
+                of_mu[entry - first] += lam[row] * slope
+        return np.asarray(self._both[1] @ np.vstack([found, self._inner.bent(local, theta, parameters, *inside, of_mu)]))
+
+    def _parts(self, base: Array, data: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Base and data of the columns' own places, and of those inside."""
+        if self._inner is None:
+            return (base, data), (base[:0], data[:0])
+        own = data.shape[0] - self._further
+        return (base[: self._rows], data[:own]), (base[self._rows :], data[own:])
+
+    def _arguments(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array, mu: Array | None) -> list[Array]:
+        rows = self._point.looked_at
+        v = self._lift.at(rows, local) + base[rows]
+        return self._point.arguments(v, theta, parameters, data if mu is None else np.vstack([data, mu]))
 
 
-def _column(term: Term, places: list[Any], parameters: Any, reference: Any, data: Any) -> Any:
-    """The values of a term's column from [dx; x; z; w] at its places."""
-    if term.within is not None:
-        within = term.within
-        size = within.function.size1_in(3)
-        own, *others = ca.vertsplit(data, [0, *range(data.shape[0] - size * len(within.nodes), data.shape[0] + 1, size)])
-        phi = [within.function(v, parameters, reference, d) for v, d in zip(places[1:], others, strict=True)]
-        moments = ca.vec(ca.horzcat(*phi) @ ca.DM(within.weights))
-        return term.function(places[0], parameters, reference, ca.vertcat(own, moments))
-    datas = ca.vertsplit(data, data.shape[0] // term.places)
-    phi = [term.function(v, parameters, reference, d) for v, d in zip(places, datas, strict=True)]
-    return ca.vertcat(*phi) if term.moments is None else ca.vec(ca.horzcat(*phi) @ ca.DM(term.moments))
+def made(interpolation: Interpolation, index: Index, steps: Array, free: Sequence[int], term: Term) -> Block:
+    """The block of a term."""
+    return (Own if term.nodes is None else Inside)(interpolation, index, steps, free, term)
 
 
-def _basis(interpolation: Interpolation, steps: Array, term: Term) -> tuple[_Basis, Array]:
-    """At nodes the polynomials are constants and only the interval's length differs; elsewhere every entry does."""
-    h = steps[term.interval]
-    length, nodes = ca.SX.sym("h"), term.nodes
-    if nodes is None:
-        numbers = interpolation.values(term.all_places()[1][:: term.places], h)
-        symbols = ca.SX.sym("T", len(numbers))
-        own = [symbols[kind] for kind in interpolation.kinds[1]]
-        if term.within is None:
-            return _Basis(symbols, [own]), numbers
-        entries = [own, *_at_nodes(interpolation, term.within.nodes, length)]
-        return _Basis(ca.vertcat(symbols, length), entries), np.vstack([numbers, h])
-    return _Basis(length, _at_nodes(interpolation, nodes, length)), h[None, :]
-
-
-def _at_nodes(interpolation: Interpolation, nodes: Array, length: Any) -> list[list[Any]]:
-    places = np.asarray(nodes, dtype=np.float64)
-    return [[float(e.differentiated(tau)) * length**e.power for e in interpolation.entries] for tau in places]
-
-
-def _function(name: str, inputs: list[Any], *outputs: Any) -> Any:
-    return ca.Function(name, inputs, [ca.densify(part) for part in outputs], {"cse": True})
-
-
-def _used(expression: Any, symbols: Any) -> list[int]:
-    """Which of the symbols an expression depends on."""
-    return sorted(set(ca.jacobian_sparsity(expression, symbols).get_col()))
-
-
-def _triplet(matrix: Any) -> tuple[Index, Index]:
-    rows, columns = matrix.sparsity().get_triplet()
-    return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
-
-
-def _nonzeros(matrix: Any) -> Any:
-    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+def _side_by_side(rows: Array, places: int) -> Array:
+    """What stands one place below the other, (S n, C), one place after the other: (n, S C)."""
+    return np.swapaxes(rows.reshape(places, rows.shape[0] // places, -1), 0, 1).reshape(rows.shape[0] // places, -1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import starmap
 from operator import call
 from threading import Lock
@@ -22,7 +22,6 @@ from .polynomials import Array
 
 STRIP = 4096  # columns at a time, at most: NumPy's cost per call is small beside its work, and the work vector is no burden
 FEWEST = 128  # columns: of less CasADi's map is no slower
-ALIVE = 16  # functions that are kept with their work vectors
 REPAYS = 8000  # columns, of all calls together, that repay what it costs to read the operations
 
 
@@ -86,16 +85,6 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
 # what it does, with which registers (of a constant its number, of an argument its place), and into which register or place of a result
 Operation = tuple[int, list[Any], int | list[int]]
 Step = tuple[Any, ...]  # a function and its arguments
-
-
-def columnwise(function: Any, shared: Sequence[int] = ()) -> Columnwise:
-    """The `Columnwise` of a function; of the same function once more, as programs on other meshes have it, the same one."""
-    return _made(function.serialize(), tuple(shared))
-
-
-@lru_cache(maxsize=ALIVE)
-def _made(text: str, shared: tuple[int, ...]) -> Columnwise:
-    return Columnwise(ca.Function.deserialize(text), shared)
 
 
 class Columnwise:

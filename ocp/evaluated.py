@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .blocks import Block
+from .blocks import made
 from .polynomials import Array
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Evaluated:
 
     def __init__(self, nlp: Nlp) -> None:
         self._nlp = nlp
-        self._blocks = [Block(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
+        self._blocks = [made(nlp.interpolation, nlp.index, nlp.steps, nlp.free, term) for term in nlp.terms]
 
     @cached_property
     def linear_constraints(self) -> bool:
@@ -71,7 +71,7 @@ class Evaluated:
         return np.concatenate(rows) if rows else np.empty(0)
 
     def _row(self, number: int, X: Array, values: Values) -> Array:
-        (m,) = self._blocks[number].valued(*self._arguments(number, X, values))
+        m = self._blocks[number].valued(*self._arguments(number, X, values))
         return np.asarray((m - values.target[number]) * values.scale[number], dtype=np.float64)
 
     def derivative(self, number: int, X: Array, values: Values) -> Array:
@@ -85,10 +85,11 @@ class Evaluated:
         nonzeros = nonzeros * scale[block.jacobian_rows] * self._units(values)[block.jacobian_columns][:, block.term.interval]
         return Linearised(number, (m - values.target[number]) * scale, self._dense(number, nonzeros))
 
-    def _arguments(self, number: int, X: Array, values: Values) -> list[Array]:
+    def _arguments(self, number: int, X: Array, values: Values) -> tuple[Array, Array, Array, Array, Array]:
         step, n = values.unit * X, self._nlp.trajectory_size
         theta = values.parameters[list(self._nlp.free)] + step[n:]
-        return self._blocks[number].numbers(step[:n], theta, values.parameters, values.base[number], values.data[number])
+        local = step[:n][self._blocks[number].intervals]
+        return local, theta, values.parameters, values.base[number], values.data[number]
 
     def _dense(self, number: int, nonzeros: Array) -> Array:
         block, term = self._blocks[number], self._nlp.terms[number]
@@ -143,7 +144,7 @@ class Evaluated:
                 lam, offset = multipliers[offset:stop].reshape(part.r.shape, order="F") * scale, stop
             if not block.curved:
                 continue
-            (nonzeros,) = block.bent(*self._arguments(part.number, X, values), lam)
+            nonzeros = block.bent(*self._arguments(part.number, X, values), lam)
             unit, (i, j) = units[:, block.term.interval], block.bent_places
             H = np.zeros((block.term.columns, width, width))
             H[:, i, j] = (nonzeros * unit[i] * unit[j]).T

@@ -56,7 +56,7 @@ SHORTEST_SECANT = 0.2  # of the step to the answer
 class Solved:
     """Decisions in the units of the model, cost, multipliers (of the scaled program) and how the solver fared.
 
-    on_bound: decisions that ended on one of their bounds, within a thousandth of their unit.
+    on_bound: decisions that ended on one of their bounds, within a thousandth of their unit. by_steps: whether plain steps alone found it.
     """
 
     decisions: Array
@@ -66,6 +66,7 @@ class Solved:
     iterations: int
     seconds: float
     on_bound: tuple[int, ...] = ()
+    by_steps: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,6 +153,7 @@ class Solver:
         lower: Array,
         upper: Array,
         newton: bool = True,
+        last_word: bool = True,
         progress: Callable[[str], None] | None = None,
     ) -> Solved:
         """Gauss-Newton steps first; the exact Hessian takes over where they do not arrive.
@@ -159,7 +161,7 @@ class Solver:
         Both look for the same stationary point. Plain steps (`gauss_newton.py`, `constrained.py`) need nothing built and cost a fraction
         of Ipopt's, which ends what they began where the tolerance is fine, and goes on with exact second derivatives where they do not
         arrive. start, lower, upper (n + np,): decisions in the units of the model. newton=False: a solve on the way, Gauss-Newton steps
-        only.
+        only. last_word=False: Ipopt does not end what plain steps have found, and is asked where they do not arrive.
         """
         began, decisions = time.perf_counter(), start
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
@@ -167,10 +169,12 @@ class Solver:
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         near: Solved | None = None
+        by_steps = False
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
             near = near if exact else self._by_steps(here, lower, upper)
-            if near is not None and not exact and self._enough(near, newton):
+            by_steps = near is not None and not exact and self._enough(near, newton, last_word)
+            if by_steps and near is not None:
                 answer = near
             else:
                 near = near if near is None or near.status is not Status.NUMERICS else None
@@ -199,15 +203,30 @@ class Solver:
             iterations=iterations,
             seconds=time.perf_counter() - began,
             on_bound=_on_bound(decisions, lower, upper, values.unit),
+            by_steps=by_steps,
         )
 
-    def _enough(self, near: Solved, newton: bool) -> bool:
+    def ended(self, solved: Solved, values: Values, *, lower: Array, upper: Array, progress: Callable[[str], None] | None = None) -> Solved:
+        """What plain steps have found, with the last word from Ipopt; with exact second derivatives where it does not agree."""
+        began, answer = time.perf_counter(), solved
+        for solver in (self._gauss_newton, self._newton):
+            answer = self._by_ipopt(solver, values, lower, upper, solved.multipliers, answer)
+            if progress is not None:
+                progress(f"Ipopt: cost {answer.cost:.6g} after {answer.iterations} iterations")
+            if answer.status.converged or answer.status is Status.INTERRUPTED:
+                break
+        seconds = solved.seconds + time.perf_counter() - began
+        return replace(answer, seconds=seconds, on_bound=_on_bound(answer.decisions, lower, upper, values.unit))
+
+    def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:
         """Whether plain steps are all that is asked for: on the way, to a rough tolerance, or where only exact ones can lead on."""
         if near.status is Status.NUMERICS:
             return False
         if not newton:
             return True
-        return self.options.tolerance > FINE if near.status.converged else self.nlp.constraint_count > 0
+        if near.status.converged:
+            return not last_word or self.options.tolerance > FINE
+        return self.nlp.constraint_count > 0
 
     def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None) -> Solved:
         """near: where plain steps arrived, which cost a fraction of Ipopt's."""

@@ -24,7 +24,7 @@ import scipy.sparse as sp
 
 from backsight.models import Dae
 from backsight.ocp import Horizon, ParameterPrior, Solution, Transcription, transcribe
-from backsight.ocp.columnwise import Columnwise, columnwise
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.nlp import Values
 from backsight.ocp.terms import Term
 
@@ -287,7 +287,7 @@ class Enlarged:
         for term in self._program.nlp.terms:
             v, p, p_ref, d = (ca.SX.sym(name, *term.function.size_in(i)) for i, name in enumerate(("v", "p", "p_ref", "d")))
             slope = ca.jacobian(term.function(v, p, p_ref, d), p)[:, self._strengths]
-            found.append(columnwise(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(ca.vec(slope)))]), shared=(1, 2)))
+            found.append(Columnwise(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(ca.vec(slope)))]), shared=(1, 2)))
         return found
 
     def _values(self, parameters: Array) -> tuple[Values, Array]:

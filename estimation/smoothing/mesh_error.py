@@ -67,11 +67,15 @@ class Checked:
 
 
 def refine(
-    solution: Solution, again: Callable[[Solution, list[Horizon], int, bool], Solution], *, keep: bool, say: Callable[[str], None]
+    solution: Solution,
+    again: Callable[[Solution, list[Horizon], int], tuple[Solution, Callable[[], Solution]]],
+    *,
+    keep: bool,
+    say: Callable[[str], None],
 ) -> Checked:
     """Halve the intervals until the mesh moves outputs and parameters no more than is allowed, or HALVINGS times.
 
-    again(solution, horizons, degree, newton): the same problem on other meshes, started from a solution; newton: to the full tolerance.
+    again(solution, horizons, degree): the same problem on other meshes, started from a solution, by plain steps, and what ends these.
     keep: whether the mesh is to stay as it is, so that only its error is measured.
     """
     checked = Checked(solution=solution)
@@ -89,13 +93,13 @@ def refine(
         if sum(h.mesh.count for h in horizons) > MOST_INTERVALS or degree > HIGHEST:
             break
         say(f"looking again with {sum(h.mesh.count for h in horizons)} intervals of degree {degree}")
-        finer = again(checked.solution, horizons, degree, False)
+        finer, ended = again(checked.solution, horizons, degree)
         if not finer.solved.status.converged:
             break
         moved = _moved(checked.solution, finer)
         if keep or not exceeds(checked.solution, moved, LEFT):
             return replace(checked, error=moved, mattered=checked.mattered or exceeds(checked.solution, moved))
-        finer = again(finer, list(finer.transcription.horizons), degree, True)
+        finer = ended()
         if not finer.solved.status.converged:
             break
         error = {name: LEFT * size for name, size in moved.items()}

@@ -66,12 +66,15 @@ class Program:
     losses: Losses | None = None
 
     def solve(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
-        """The program solved from these decisions with these numbers, in the units that they ask for; newton: to the full tolerance."""
+        """The program solved from these decisions with these numbers, in the units that they ask for.
+
+        newton: to the full tolerance; squares are not yet ended by Ipopt (`ended`), other losses are.
+        """
         if self.losses is None:
-            return self._squares(decisions, values, newton, say)
+            return self._squares(decisions, values, newton, say, False)
         number = [term.name for term in self.transcription.nlp.terms].index("samples")
         return solve_robustly(
-            lambda decisions, values, newton: self._squares(decisions, values, newton, say),
+            lambda decisions, values, newton: self._squares(decisions, values, newton, say, True),
             lambda decisions, values: self.solver.rows(decisions, values)[number],
             decisions,
             values,
@@ -88,11 +91,20 @@ class Program:
         lower[n:] = upper[n:] = self.start[n:]
         return replace(self, lower=lower, upper=upper)
 
-    def _squares(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
-        values = scaled(self.solver, decisions, values)
-        solved = self.solver.solve(decisions, values, lower=self.lower, upper=self.upper, newton=newton, progress=say)
+    def _squares(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None], last_word: bool) -> Solution:
+        values, bounds = scaled(self.solver, decisions, values), {"lower": self.lower, "upper": self.upper}
+        solved = self.solver.solve(decisions, values, **bounds, newton=newton, last_word=last_word, progress=say)
         here = self.transcription.nlp.about(values, solved.decisions)
         return Solution(transcription=self.transcription, solver=self.solver, values=here, solved=solved)
+
+
+def ended(problem: Problem, solution: Solution, say: Callable[[str], None]) -> Solution:
+    """The solution with the last word from Ipopt, where plain steps had it."""
+    if not (solution.solved.by_steps and solution.solved.status.converged):
+        return solution
+    lower, upper = decision_bounds(problem, solution.transcription)
+    solved = solution.solver.ended(solution.solved, solution.values, lower=lower, upper=upper, progress=say)
+    return replace(solution, values=solution.transcription.nlp.about(solution.values, solved.decisions), solved=solved)
 
 
 def make_program(

@@ -31,7 +31,7 @@ from .mesh_error import Checked, refine
 from .meshing import Meshed, follow_closely, mesh
 from .outcome import Run, outcome
 from .prediction import predict
-from .program import Program, Settings, make_program
+from .program import Program, Settings, ended, make_program
 from .rest import FrictionLaw, friction_laws, smoothing_widths
 from .unseen import moving_unseen, unseen_states
 from .variances import LEAST_NOISE, Choice, choose_weights
@@ -162,6 +162,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
+    choice = replace(choice, solution=ended(problem, choice.solution, say))
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
     return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
 
@@ -262,13 +263,14 @@ class _Work:
         """The same with other polynomials."""
         return replace(self, settings=replace(self.settings, degree=degree))
 
-    def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int, newton: bool) -> Solution:
-        """The same problem on other meshes at the same weights, started from a solution."""
+    def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int) -> tuple[Solution, Callable[[], Solution]]:
+        """The same problem on other meshes at the same weights, started from a solution, by plain steps; and what ends them."""
         if solution is choice.solution:
             horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         program = self.of_degree(degree).program(horizons, followed_by(solution), force_std, solution.parameters)
-        return program.solve(program.start, program.values, newton, self.say)
+        found = program.solve(program.start, program.values, False, self.say)
+        return found, lambda: program.solve(found.solved.decisions, program.values, True, self.say)
 
 
 def _intervals(horizons: Sequence[Horizon]) -> int:
