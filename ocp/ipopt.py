@@ -207,8 +207,13 @@ class Solver:
         )
 
     def ended(self, solved: Solved, values: Values, *, lower: Array, upper: Array, progress: Callable[[str], None] | None = None) -> Solved:
-        """What plain steps have found, with the last word from Ipopt; with exact second derivatives where it does not agree."""
-        began, answer = time.perf_counter(), solved
+        """What plain steps have found, with the last word from Ipopt; with exact second derivatives where it does not agree.
+
+        What is on a bound stays there: an interior point would be next to it, and had a deviation.
+        """
+        began, answer, held = time.perf_counter(), solved, list(solved.on_bound)
+        lower, upper = lower.copy(), upper.copy()
+        lower[held] = upper[held] = solved.decisions[held]
         for solver in (self._gauss_newton, self._newton):
             answer = self._by_ipopt(solver, values, lower, upper, solved.multipliers, answer)
             if progress is not None:
@@ -216,7 +221,8 @@ class Solver:
             if answer.status.converged or answer.status is Status.INTERRUPTED:
                 break
         seconds = solved.seconds + time.perf_counter() - began
-        return replace(answer, seconds=seconds, on_bound=_on_bound(answer.decisions, lower, upper, values.unit))
+        on_bound = _on_bound(answer.decisions, lower, upper, values.unit)
+        return replace(answer, seconds=seconds, on_bound=tuple(sorted({*held, *on_bound})))
 
     def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:
         """Whether plain steps are all that is asked for: on the way, to a rough tolerance, or where only exact ones can lead on."""

@@ -32,7 +32,6 @@ NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
-HELD = 3**-0.5  # rms of what may be anything from -1 to 1
 TINY = 1e-300  # strength that still marks an interval near rest
 VELOCITIES = ("v_rel", "w_rel", "omega_rel")
 VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
@@ -126,7 +125,7 @@ def open_at_rest(
 ) -> Array:
     """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
 
-    A body at rest is held by any force up to the law's strength f, one way or the other: f / sqrt(3) rms, over an interval h. An
+    A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h). An
     interval is near rest when the velocity of a law falls below its own change over the interval, or below NEAR widths; and from there on
     as long as it cannot be told from zero: while a body stands still, its estimated velocity is noise, of which the law would make
     forces of either sign.
@@ -145,7 +144,7 @@ def open_at_rest(
             near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt))
             for place, f in zip(law.places, strength, strict=True):
                 if place in soft:
-                    part[soft.index(place), near] += max(HELD * f, TINY) * np.sqrt(np.diff(own))[near]
+                    part[soft.index(place), near] += max(f, TINY) * np.sqrt(np.diff(own))[near]
         parts.append(part)
     return np.hstack(parts)
 

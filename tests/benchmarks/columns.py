@@ -1,6 +1,6 @@
-"""Derivatives of all columns of a program: NumPy, an operation at a time, against CasADi's map: `python tests/benchmarks/columns.py`.
+"""Derivatives at all points of a program: NumPy, an operation at a time, against CasADi's map: `python tests/benchmarks/columns.py`.
 
-The moments of the xy-table's balances with their derivatives, on meshes of different lengths. Every line: columns, seconds of a call by the
+The xy-table's balances with their derivatives, at points in different number. Every line: points, seconds of a call by the
 map and by ours (best of five), their ratio, and what the first call of ours costs more.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from backsight.ocp.blocks import COMMON
 from backsight.ocp.columnwise import REPAYS, Columnwise
+from backsight.ocp.pointwise import COMMON
 from backsight.ocp.polynomials import Array
 
 
@@ -33,7 +33,7 @@ def best(call: Callable[[], object], runs: int = 5) -> float:
 def main() -> None:
     function = linearised_balances()
     rng = np.random.default_rng(0)
-    print(" columns     map s    ours s   ratio   first s")
+    print("  points     map s    ours s   ratio   first s")
     for count in (100, 400, 1000, 4000, 16000):
         arguments: list[Array] = [
             rng.uniform(0.5, 1.0, function.numel_in(i) if i in COMMON else (function.numel_in(i), count)) for i in range(function.n_in())
@@ -59,7 +59,7 @@ def linearised_balances() -> Any:
     prior = ParameterPrior(mean=np.zeros(len(problem.free)), std=np.full(len(problem.free), np.inf))
     t = transcribe(problem.dae, followed.horizons, free=problem.free, prior=prior, force_std=std, degree=2)
     number = next(k for k, term in enumerate(t.nlp.terms) if term.name == t.force_term)
-    return t.nlp.evaluated._blocks[number].linearised._function
+    return t.nlp.evaluated._blocks[number]._point.linearised._function
 
 
 if __name__ == "__main__":

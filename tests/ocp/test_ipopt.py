@@ -87,6 +87,24 @@ def test_a_bound_is_kept():
     assert bound.cost >= free.cost
 
 
+def test_the_last_word_leaves_on_its_bound_what_plain_steps_have_found_there():
+    h = random_horizon(DAE, 0, intervals=3)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
+    t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
+    solver, x = Solver(t.nlp), np.full(t.nlp.size, 0.1)
+    lower, upper = np.full(t.nlp.size, -np.inf), np.full(t.nlp.size, np.inf)
+    lower[-1], upper[-1] = 0.1, 0.9 * solve()[1].decisions[-1]
+    x[-1] = 1.0
+    plain = solver.solve(x, t.nlp.values(PARAMETERS), lower=lower, upper=upper, last_word=False)
+    assert plain.by_steps
+    ended = solver.ended(plain, t.nlp.about(t.nlp.values(PARAMETERS), plain.decisions), lower=lower, upper=upper)
+    assert ended.status.converged
+    assert not ended.by_steps
+    assert ended.decisions[-1] == plain.decisions[-1] == upper[-1]
+    assert t.nlp.size - 1 in ended.on_bound
+    np.testing.assert_allclose(ended.decisions, plain.decisions, rtol=1e-4, atol=1e-5)
+
+
 def test_progress_tells_each_stage():
     told: list[str] = []
     solve(Options(gauss_newton_iterations=1, tolerance=1e-10), progress=told.append)
