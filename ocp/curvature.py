@@ -236,7 +236,7 @@ def _units(S: Array, summed: Array, multipliers: slice) -> Array:
 
 
 def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
-    """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle."""
+    """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle, each of them once."""
     b = at.size
     diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, b))
     border, corner = np.zeros((at.count, b, at.border)), np.zeros((at.border, at.border))
@@ -251,8 +251,7 @@ def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Arra
         (border, (kr >= 0) & (kc < 0), (kr, ir, ic)),
         (corner, (kr < 0) & (kc < 0), (ir, ic)),
     ):
-        flat = np.ravel_multi_index(tuple(i[where] for i in indices), target.shape)
-        target.ravel()[:] += np.bincount(flat, weights=v[where], minlength=target.size)
+        target[tuple(i[where] for i in indices)] = v[where]
     return diagonal, lower, border, corner
 
 

@@ -214,7 +214,8 @@ class Solver:
         began, answer, held = time.perf_counter(), solved, list(solved.on_bound)
         lower, upper = lower.copy(), upper.copy()
         lower[held] = upper[held] = solved.decisions[held]
-        for solver in (self._gauss_newton, self._newton):
+        for exact in (False, True):
+            solver = self._newton if exact else self._gauss_newton
             answer = self._by_ipopt(solver, values, lower, upper, solved.multipliers, answer)
             if progress is not None:
                 progress(f"Ipopt: cost {answer.cost:.6g} after {answer.iterations} iterations")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,28 +39,36 @@ class AtNodes:
         """S."""
         return len(self.nodes)
 
-    def entries(self, a: int) -> list[tuple[int, Array]]:
-        """Local unknowns or parameters that e[a] depends on, and c_s (S,) of each."""
+    @cached_property
+    def entries(self) -> list[list[tuple[int, Array]]]:
+        """Local unknowns or parameters that every e[a] depends on, and c_s (S,) of each."""
         ip = self.interpolation
-        if a >= ip.rows:
-            return [(ip.local + a - ip.rows, np.ones(self.places))]
-        return [(e.column, e.differentiated(self.nodes)) for e in ip.entries if e.row == a]
+        of_v: list[list[tuple[int, Array]]] = [[] for _ in range(ip.rows)]
+        for e in ip.entries:
+            of_v[e.row].append((e.column, e.differentiated(self.nodes)))
+        return [*of_v, *([(ip.local + k, np.ones(self.places))] for k in range(self.free))]
 
-    def _order(self, a: int) -> int:
-        return next((e.order for e in self.interpolation.entries if e.row == a), 0)
+    @cached_property
+    def orders(self) -> list[int]:
+        """Order of derivative of every e[a]."""
+        order = {e.row: e.order for e in self.interpolation.entries}
+        return [order.get(a, 0) for a in range(self.interpolation.rows + self.free)]
 
-    def _power(self, column: int) -> int:
-        return next((e.power + e.order for e in self.interpolation.entries if e.column == column), 0)
+    @cached_property
+    def powers(self) -> list[int]:
+        """Power of h of every local unknown and parameter."""
+        power = {e.column: e.power + e.order for e in self.interpolation.entries}
+        return [power.get(j, 0) for j in range(self.interpolation.local + self.free)]
 
     def at(self, rows: Sequence[int], local: Array) -> Array:
         """Rows of v at all places, (rows, S C), one place after the other, from local unknowns (local, C)."""
         c = np.zeros((len(rows), self.places, self.interpolation.local))
         for r, a in enumerate(rows):
-            for column, values in self.entries(a):
+            for column, values in self.entries[a]:
                 c[r, :, column] += values
-        inside = self.scaled(local, [self._power(k) for k in range(self.interpolation.local)])
+        inside = self.scaled(local, self.powers[: self.interpolation.local])
         v = (c.reshape(-1, self.interpolation.local) @ inside).reshape(len(rows), self.places, -1)
-        return self.scaled(v, [-self._order(a) for a in rows]).reshape(len(rows), -1)
+        return self.scaled(v, [-self.orders[a] for a in rows]).reshape(len(rows), -1)
 
     def slopes(self, pairs: tuple[Index, Index], moments: Array, m: int) -> OfNodes:
         """Of moments (S, K) of phi (m): from d phi_i / d e_a at pairs (i, a) to entries (k m + i, local unknown)."""
@@ -67,22 +76,22 @@ class AtNodes:
         terms = (
             (k * m + i, column, n, c * moments[:, k])
             for n, (i, a) in enumerate(zip(*pairs, strict=True))
-            for column, c in self.entries(a)
+            for column, c in self.entries[a]
             for k in range(K)
         )
-        return self._lifted(terms, [-self._order(a) for a in pairs[1]], lambda _, column: self._power(column))
+        return self._lifted(terms, [-self.orders[a] for a in pairs[1]], lambda _, column: self.powers[column])
 
     def bends(self, pairs: tuple[Index, Index]) -> OfNodes:
         """From upper entries (a, b) of a second derivative in e to upper entries (local unknown, local unknown)."""
         terms = (
             (*where, n, factor * c_a * c_b)
             for n, (a, b) in enumerate(zip(*pairs, strict=True))
-            for i, c_a in self.entries(a)
-            for j, c_b in self.entries(b)
+            for i, c_a in self.entries[a]
+            for j, c_b in self.entries[b]
             for where, factor in _upper(a, b, i, j)
         )
-        orders = [-self._order(a) - self._order(b) for a, b in zip(*pairs, strict=True)]
-        return self._lifted(terms, orders, lambda i, j: self._power(i) + self._power(j))
+        orders = [-self.orders[a] - self.orders[b] for a, b in zip(*pairs, strict=True)]
+        return self._lifted(terms, orders, lambda i, j: self.powers[i] + self.powers[j])
 
     def _lifted(self, terms: Iterable[tuple[int, int, int, Array]], orders: list[int], power: Callable[[int, int], int]) -> OfNodes:
         kept = [(int(i), int(j), n * self.places + s, c[s]) for i, j, n, c in terms for s in np.flatnonzero(c)]

@@ -10,9 +10,10 @@ difference of two positions of full size over h^2, and the rounding of a stiffly
 
 Constraint vector g: the equality terms one after the other, each column by column (interval by interval).
 
-No derivative is taken of the whole program. Each term's function is differentiated once, symbolically, for one column;
-that small function is mapped over all columns and its values are summed and scattered into the known sparsity. Work,
-memory and construction time are therefore linear in the number of columns, and the sparsity is never searched.
+No derivative is taken of the whole program, nor of a column of it. Each term's function is differentiated once, symbolically, at a point
+(`pointwise.py`); its numbers at all points are lifted to the columns' unknowns by constant sparse matrices (`lifting.py`), summed, and
+scattered into the known sparsity (`evaluated.py`). Work and memory are therefore linear in the number of columns, construction hangs on
+the model alone, and the sparsity is never searched.
 
 The Hessian is  sum J'J + sum r . d2r + sum lambda . d2g;  Gauss-Newton's is the first sum alone.
 """
