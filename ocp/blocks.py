@@ -7,6 +7,7 @@ nonzeros, whose places are `jacobian_rows/columns`, `bent_places`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -25,7 +26,7 @@ Index = NDArray[np.int64]
 NOTHING: tuple[Index, Index] = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
 
 
-class Block:
+class Block(ABC):
     """One term's columns. `local` (local, C) below: local unknowns of the columns' intervals, less the reference's; theta (np,), base, data
     as in `Values`.
 
@@ -41,26 +42,26 @@ class Block:
     jacobian_columns: Index
 
     @property
+    @abstractmethod
     def curved(self) -> bool:
         """Whether the values are not linear in v."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def bent_places(self) -> tuple[Index, Index]:
         """See there."""
-        raise NotImplementedError
 
+    @abstractmethod
     def valued(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> Array:
         """Values m, (K m, C)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def linearised(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array) -> tuple[Array, Array]:
         """Values m and the nonzeros of their derivative in v."""
-        raise NotImplementedError
 
+    @abstractmethod
     def bent(self, local: Array, theta: Array, parameters: Array, base: Array, data: Array, lam: Array) -> Array:
         """Nonzeros of the second derivative of lam . m in v, lam (K m, C)."""
-        raise NotImplementedError
 
     @cached_property
     def intervals(self) -> Index:
