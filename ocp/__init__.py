@@ -5,10 +5,11 @@ interpolation.py, polynomials.py       how unknowns give variables between the k
 pieces.py, terms.py                    the model's expressions at places of the mesh; what a program is made of
 spline.py, collocation.py              two transcriptions of the equations
 transcription.py                       the whole problem as terms of a program
-nlp.py, assembly.py, blocks.py         the program and its sparse derivatives
+nlp.py, evaluated.py                   the program, and its terms in numbers
+pointwise.py, lifting.py, blocks.py    derivatives at points, what a mesh makes of them, a term of both; columnwise.py carries them out
 follow.py, scaling.py, linear.py       where a solve starts, in which units, how fast its answer can move
-evaluated.py                           its terms in numbers
-gauss_newton.py, ipopt.py              solving it: without constraints, and with them
+gauss_newton.py, constrained.py        solving it by plain steps: without constraints, and with them
+ipopt.py, oracle.py                    its end, exact steps, and what Ipopt asks
 curvature.py, blocktridiagonal.py      covariances
 solution.py, readout.py, forces.py     the answer in the terms of the model
 """

@@ -49,6 +49,7 @@ _STATUS = {
 
 
 FINE = 1e-4  # tolerance from which on Ipopt has the last word
+WORSE = 1e-6  # of the cost: what Ipopt's answer may cost more than that of plain steps
 SHORTEST_SECANT = 0.2  # of the step to the answer
 
 
@@ -209,21 +210,26 @@ class Solver:
     def ended(self, solved: Solved, values: Values, *, lower: Array, upper: Array, progress: Callable[[str], None] | None = None) -> Solved:
         """What plain steps have found, with the last word from Ipopt; with exact second derivatives where it does not agree.
 
-        What is on a bound stays there: an interior point would be next to it, and had a deviation.
+        What is on a bound stays there: an interior point would be next to it, and had a deviation. Where Ipopt arrives nowhere, or at what
+        costs more, the answer is that of the plain steps, which had converged.
         """
-        began, answer, held = time.perf_counter(), solved, list(solved.on_bound)
+        began, held, answer = time.perf_counter(), list(solved.on_bound), solved
+        free = lower, upper
         lower, upper = lower.copy(), upper.copy()
         lower[held] = upper[held] = solved.decisions[held]
         for exact in (False, True):
-            solver = self._newton if exact else self._gauss_newton
-            answer = self._by_ipopt(solver, values, lower, upper, solved.multipliers, answer)
+            found = self._by_ipopt(self._newton if exact else self._gauss_newton, values, lower, upper, solved.multipliers, solved)
             if progress is not None:
-                progress(f"Ipopt: cost {answer.cost:.6g} after {answer.iterations} iterations")
-            if answer.status.converged or answer.status is Status.INTERRUPTED:
+                progress(f"Ipopt: cost {found.cost:.6g} after {found.iterations} iterations")
+            if found.status is Status.INTERRUPTED:
+                return found
+            # a point that costs more than rounding is another one
+            if found.status.converged and found.cost <= solved.cost + WORSE * max(abs(solved.cost), 1.0):
+                answer = found
                 break
         seconds = solved.seconds + time.perf_counter() - began
-        on_bound = _on_bound(answer.decisions, lower, upper, values.unit)
-        return replace(answer, seconds=seconds, on_bound=tuple(sorted({*held, *on_bound})))
+        on_bound = tuple(sorted({*held, *_on_bound(answer.decisions, *free, values.unit)}))
+        return replace(answer, seconds=seconds, on_bound=on_bound)
 
     def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:
         """Whether plain steps are all that is asked for: on the way, to a rough tolerance, or where only exact ones can lead on."""
@@ -238,15 +244,15 @@ class Solver:
     def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None) -> Solved:
         """near: where plain steps arrived, which cost a fraction of Ipopt's."""
         low, high = here.scaled(lower), here.scaled(upper)
-        self._oracle.about(here)
-        answer = solver(
-            x0=start_on_constraints(self.nlp, here, low, high) if near is None else here.scaled(near.decisions),
-            lbx=low,
-            ubx=high,
-            lbg=0.0,
-            ubg=0.0,
-            lam_g0=multipliers,
-        )
+        with self._oracle.answering(here):
+            answer = solver(
+                x0=start_on_constraints(self.nlp, here, low, high) if near is None else here.scaled(near.decisions),
+                lbx=low,
+                ubx=high,
+                lbg=0.0,
+                ubg=0.0,
+                lam_g0=multipliers,
+            )
         stats, X = solver.stats(), np.asarray(answer["x"], dtype=np.float64).ravel()
         status = Status.INTERRUPTED if self._oracle.interrupted else _STATUS.get(stats["return_status"], Status.NUMERICS)
         failed = status in (Status.NUMERICS, Status.INTERRUPTED)  # Ipopt's own cost is 0 where the start is no number

@@ -21,6 +21,8 @@ from .polynomials import Array
 
 Index = NDArray[np.int64]
 
+STRIP = 256  # columns at a time: the products of all entries of T are many, and need not be kept
+
 
 @dataclass(frozen=True)
 class AtNodes:
@@ -62,13 +64,21 @@ class AtNodes:
 
     def at(self, rows: Sequence[int], local: Array) -> Array:
         """Rows of v at all places, (rows, S C), one place after the other, from local unknowns (local, C)."""
-        c = np.zeros((len(rows), self.places, self.interpolation.local))
-        for r, a in enumerate(rows):
-            for column, values in self.entries[a]:
-                c[r, :, column] += values
         inside = self.scaled(local, self.powers[: self.interpolation.local])
-        v = (c.reshape(-1, self.interpolation.local) @ inside).reshape(len(rows), self.places, -1)
-        return self.scaled(v, [-self.orders[a] for a in rows]).reshape(len(rows), -1)
+        v = np.asarray(self._matrix(tuple(rows)) @ inside).reshape(len(rows), self.places, local.shape[1])
+        return self.scaled(v, [-self.orders[a] for a in rows]).reshape(len(rows), self.places * local.shape[1])
+
+    def _matrix(self, rows: tuple[int, ...]) -> sp.csr_matrix:
+        """c of these rows of v, (rows S, local)."""
+        if rows not in self._matrices:
+            kept = [(r * self.places + s, j, c[s]) for r, a in enumerate(rows) for j, c in self.entries[a] for s in np.flatnonzero(c)]
+            shape = (len(rows) * self.places, self.interpolation.local)
+            self._matrices[rows] = sp.csr_matrix(([c for *_, c in kept], ([r for r, *_ in kept], [j for _, j, _ in kept])), shape=shape)
+        return self._matrices[rows]
+
+    @cached_property
+    def _matrices(self) -> dict[tuple[int, ...], sp.csr_matrix]:
+        return {}
 
     def slopes(self, pairs: tuple[Index, Index], moments: Array, m: int) -> OfNodes:
         """Of moments (S, K) of phi (m): from d phi_i / d e_a at pairs (i, a) to entries (k m + i, local unknown)."""
@@ -191,10 +201,14 @@ class OfPlaces:
     of_table: Index
 
     def __call__(self, nonzeros: Array, table: Array) -> Array:
-        product = nonzeros[self.own]
-        for entries in self.of_table:
-            product = product * table[entries]
-        return np.asarray(self.matrix @ product)
+        out = np.empty((self.matrix.shape[0], nonzeros.shape[1]))
+        for first in range(0, nonzeros.shape[1], STRIP):
+            strip = slice(first, first + STRIP)
+            product = nonzeros[self.own, strip]
+            for entries in self.of_table:
+                product *= table[entries, strip]
+            out[:, strip] = self.matrix @ product
+        return out
 
 
 def in_order(entries: Sequence[tuple[int, int]]) -> tuple[tuple[Index, Index], Index]:

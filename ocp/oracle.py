@@ -7,7 +7,10 @@ No expression of the whole program is ever made, so that a solver is ready as so
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -26,20 +29,41 @@ Index = NDArray[np.int64]
 class Oracle:
     """The functions of one program, with the numbers that it has at the time.
 
-    CasADi keeps no reference to what it calls back: an oracle has to live as long as a solver that asks it. An interrupt inside one of its
-    functions is an evaluation that failed, and so are all from then on; `interrupted` tells why.
+    CasADi keeps no reference to what it calls back: an oracle has to live as long as a solver that asks it. After an interrupt, or an error
+    in one of its functions, every evaluation fails, so that the solver ends; then `interrupted` tells, and the error is raised again.
     """
 
     def __init__(self, nlp: Nlp) -> None:
         self._nlp = nlp
         self.interrupted = False
+        self.failed: BaseException | None = None
         self._values: Values | None = None
         self._kept: list[Any] = []
         self._last: tuple[Array, list[Linearised]] | None = None
 
+    @contextmanager
+    def answering(self, values: Values) -> Iterator[None]:
+        """With these numbers, while a solver asks. CasADi would take a signal for an evaluation that failed: it is kept by a handler."""
+        self._values, self._last, self.interrupted, self.failed = values, None, False, None
+        before = signal.getsignal(signal.SIGINT) if threading.current_thread() is threading.main_thread() else None
+        catches = before is not None and before is signal.default_int_handler
+        if catches:
+            signal.signal(signal.SIGINT, self._interrupt)
+        try:
+            yield
+        finally:
+            if catches:
+                signal.signal(signal.SIGINT, before)
+            self._last = self._values = None
+        if self.failed is not None:
+            raise self.failed
+
     def about(self, values: Values) -> None:
         """From now on with these numbers."""
-        self._values, self._last, self.interrupted = values, None, False
+        self._values, self._last = values, None
+
+    def _interrupt(self, *_: object) -> None:
+        self.interrupted = True
 
     def program(self) -> Any:
         """(x, p) -> (f, g)."""
@@ -146,15 +170,18 @@ class _Called(ca.Callback):
 
     def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
         """Called by CasADi."""
-        if self._oracle.interrupted:
+        if self._oracle.interrupted or self._oracle.failed is not None:
             return 1
         try:
             given = [np.frombuffer(a, dtype=np.float64) if len(a) else np.empty(0) for a in arg]
             for out, found in zip(res, self._numbers(*given), strict=True):
-                if len(out):
+                if out is not None and len(out):
                     np.frombuffer(out, dtype=np.float64)[:] = found
         except KeyboardInterrupt:
             self._oracle.interrupted = True
+            return 1
+        except Exception as error:
+            self._oracle.failed = error
             return 1
         return 0
 

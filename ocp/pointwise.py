@@ -20,7 +20,7 @@ from .polynomials import Array
 Index = NDArray[np.int64]
 
 COMMON = (1, 2)  # arguments that all points have in common: theta and p
-ALIVE = 64  # functions that are kept with their derivatives
+ALIVE = 24  # functions that are kept with their derivatives
 
 
 def pointwise(function: Any, free: Sequence[int], further: int = 0) -> Pointwise:

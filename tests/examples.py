@@ -101,6 +101,12 @@ def shaken() -> Model:
     return _on_mass("shaken", Force(), Spring(k=K), {"x": "sensor.s", "a": "shaker.a"}, {"shaker": AccelerationSensor()})
 
 
+def shaken_hard() -> Model:
+    """The same with a stiffening spring and friction: what its sensor reads at once is not linear."""
+    extra = {"shaker": AccelerationSensor(), "friction": RoundedFriction()}
+    return _on_mass("shaken_hard", Force(), StiffeningSpring(), {"x": "sensor.s", "a": "shaker.a"}, extra)
+
+
 def stiffening() -> Model:
     """Actuator lag, an algebraic deflection, rounded friction: nonlinear, position and velocity measured."""
     return _on_mass("stiffening", LaggedForce(), StiffeningSpring(), {"x": "sensor.s", "v": "speed.v"}, {"friction": RoundedFriction()})

@@ -176,7 +176,8 @@ class Candidate:
     named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
     ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. wave: (strength, position): the
     effect is that strength's times a sine of 2 pi position over the one shape; no component is needed to look at it. larger: two strengths
-    of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted.
+    of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted. stated: a number that
+    the study itself gives, doubted before one of the model.
     """
 
     place: str
@@ -196,6 +197,7 @@ class Candidate:
     wave: tuple[str, str] | None = None
     larger: tuple[str, str] | None = None
     dear: bool = False
+    stated: bool = False
 
     @property
     def rank(self) -> int:
@@ -206,6 +208,11 @@ class Candidate:
     def size(self) -> int:
         """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""
         return len({*self.strengths, *self.start}) - len(self.absorbs) + (self.onset is not None)
+
+    @property
+    def plainness(self) -> tuple[int, int, bool]:
+        """The least is named first of those that no recording can tell apart."""
+        return self.rank, self.size, not self.stated
 
     def neutral(self, name: str) -> float:
         """The value of a parameter at which there is no effect."""

@@ -27,7 +27,7 @@ FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best,
 SURELY = 2  # and the best of them for what their gains are worth
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
 MUCH_LESS = 1.5  # times the worth of a fit: another one that is worth as much is better than just as good
-SPREAD = 0.3  # standard deviation of a strength over the largest one
+SPREAD, SPREAD_OF_COUPLINGS = 0.3, 0.5  # standard deviation of a strength over the largest one; of a coupling its evidence tells more
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
 HOLDING = ("coulomb_friction", "stribeck_friction")
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
@@ -44,7 +44,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
-            if (s.candidate.rank, s.candidate.size) < (worth[same].candidate.rank, worth[same].candidate.size):
+            if s.candidate.plainness < worth[same].candidate.plainness:
                 worth[same] = s
         elif not simpler_there(s, found.found):
             worth.append(s)
@@ -127,7 +127,7 @@ def sound(c: Candidate, f: Fitted) -> bool:
     if not told:
         return False
     largest = max(abs(p.value - c.neutral(p.name)) for p in told)
-    return max(p.std or 0.0 for p in told) < SPREAD * largest
+    return max(p.std or 0.0 for p in told) < (SPREAD_OF_COUPLINGS if c.dear else SPREAD) * largest
 
 
 def clear(s: Screened | None, gained: float) -> bool:

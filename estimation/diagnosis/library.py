@@ -154,6 +154,7 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
                 strengths=(info.name,),
                 start={info.name: (float(value), max(info.minimum, float(value) - 0.9 * size), min(info.maximum, float(value) + 9 * size))},
                 named={info.name: info.name},
+                stated=given is not None,
             )
         )
     return found

@@ -26,6 +26,7 @@ from backsight.models import Dae
 from backsight.ocp import Horizon, ParameterPrior, Solution, Transcription, transcribe
 from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.nlp import Values
+from backsight.ocp.pointwise import COMMON
 from backsight.ocp.terms import Term
 
 from ..weighing.kkt import Kkt, gauss_newton
@@ -287,7 +288,7 @@ class Enlarged:
         for term in self._program.nlp.terms:
             v, p, p_ref, d = (ca.SX.sym(name, *term.function.size_in(i)) for i, name in enumerate(("v", "p", "p_ref", "d")))
             slope = ca.jacobian(term.function(v, p, p_ref, d), p)[:, self._strengths]
-            found.append(Columnwise(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(ca.vec(slope)))]), shared=(1, 2)))
+            found.append(Columnwise(ca.Function("slope", [v, p, p_ref, d], [ca.densify(ca.cse(ca.vec(slope)))]), COMMON))
         return found
 
     def _values(self, parameters: Array) -> tuple[Values, Array]:

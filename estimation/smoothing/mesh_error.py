@@ -75,7 +75,7 @@ def refine(
 ) -> Checked:
     """Halve the intervals until the mesh moves outputs and parameters no more than is allowed, or HALVINGS times.
 
-    again(solution, horizons, degree): the same problem on other meshes, started from a solution, by plain steps, and what ends these.
+    again(solution, horizons, degree): the same problem on other meshes, started from a solution; and what ends losses that are no squares.
     keep: whether the mesh is to stay as it is, so that only its error is measured.
     """
     checked = Checked(solution=solution)

@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from backsight.ocp import Horizon, Options, ParameterPrior, Solution, Solver, Transcription, transcribe
+from backsight.ocp import Horizon, Options, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
 from backsight.ocp.follow import Followed
+from backsight.ocp.ipopt import FINE
 from backsight.ocp.nlp import Values
 from backsight.ocp.readout import read
 from backsight.ocp.scaling import scaled
@@ -94,16 +95,24 @@ class Program:
     def _squares(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None], last_word: bool) -> Solution:
         values, bounds = scaled(self.solver, decisions, values), {"lower": self.lower, "upper": self.upper}
         solved = self.solver.solve(decisions, values, **bounds, newton=newton, last_word=last_word, progress=say)
+        if solved.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
         here = self.transcription.nlp.about(values, solved.decisions)
         return Solution(transcription=self.transcription, solver=self.solver, values=here, solved=solved)
 
 
 def ended(problem: Problem, solution: Solution, say: Callable[[str], None]) -> Solution:
-    """The solution with the last word from Ipopt, where plain steps had it."""
-    if not (solution.solved.by_steps and solution.solved.status.converged):
+    """The solution with the last word from Ipopt, where plain steps had it and a fine one was asked for.
+
+    Of losses that are no squares every solve is ended (`Program.solve`): the numbers of their solutions are those of deviations.
+    """
+    fine = solution.solver.options.tolerance <= FINE
+    if not (fine and solution.solved.by_steps and solution.solved.status.converged and Losses.of(problem) is None):
         return solution
     lower, upper = decision_bounds(problem, solution.transcription)
     solved = solution.solver.ended(solution.solved, solution.values, lower=lower, upper=upper, progress=say)
+    if solved.status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
     return replace(solution, values=solution.transcription.nlp.about(solution.values, solved.decisions), solved=solved)
 
 

@@ -162,7 +162,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
-    choice = replace(choice, solution=ended(problem, choice.solution, say))
+    last = ended(problem, choice.solution, say)
+    choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
     return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
 
@@ -245,7 +246,8 @@ class _Work:
     def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
         """What a finer mesh gave; weights from the data once more where the old mesh's error was in them."""
         solution, now = checked.solution, self.in_force(stds, choice)
-        kept = replace(choice, solution=solution, output_factor=np.ones_like(choice.output_factor))
+        iterations = choice.iterations + solution.solved.iterations
+        kept = replace(choice, solution=solution, output_factor=np.ones_like(choice.output_factor), iterations=iterations)
         if not checked.mattered or not (set(solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
             return kept, now
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
@@ -264,12 +266,14 @@ class _Work:
         return replace(self, settings=replace(self.settings, degree=degree))
 
     def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int) -> tuple[Solution, Callable[[], Solution]]:
-        """The same problem on other meshes at the same weights, started from a solution, by plain steps; and what ends them."""
+        """The same problem on other meshes at the same weights, started from a solution, by plain steps; and what ends other losses."""
         if solution is choice.solution:
             horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
         force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         program = self.of_degree(degree).program(horizons, followed_by(solution), force_std, solution.parameters)
         found = program.solve(program.start, program.values, False, self.say)
+        if program.losses is None:
+            return found, lambda: found
         return found, lambda: program.solve(found.solved.decisions, program.values, True, self.say)
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+
 import numpy as np
 import pytest
 from examples import compiled, number, random_horizon, stiffening
@@ -166,3 +170,34 @@ def test_an_interrupt_inside_a_function_that_ipopt_calls_ends_the_solve_and_the_
     again = solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide)
     assert again.status is not Status.INTERRUPTED
     assert again.iterations > 3
+
+
+def test_a_signal_while_ipopt_works_interrupts_the_solve_wherever_it_comes():
+    h = random_horizon(DAE, 0, intervals=400)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
+    t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
+    solver, x = Solver(t.nlp, Options(gauss_newton_iterations=0, tolerance=1e-300, max_iterations=3000)), np.full(t.nlp.size, 0.1)
+    x[-1] = 1.0
+    wide = np.full(t.nlp.size, np.inf)
+    late = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    late.start()
+    try:
+        solved = solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide)
+    except KeyboardInterrupt:
+        return  # it came between two calls
+    finally:
+        late.join()
+    assert solved.status is Status.INTERRUPTED
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_error_inside_a_function_that_ipopt_calls_is_raised_and_no_status(monkeypatch):
+    solver, _ = solve()
+
+    def wrong(self, X):
+        raise ValueError("a bug")
+
+    monkeypatch.setattr(Oracle, "_at", wrong)
+    values, x, wide = solver.nlp.values(PARAMETERS), np.full(solver.nlp.size, 0.1), np.full(solver.nlp.size, np.inf)
+    with pytest.raises(ValueError, match="a bug"):
+        solver.solve(x, values, lower=-wide, upper=wide)

@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from examples import compiled, lagged, number, oscillator, random_horizon, stiffening
+from examples import compiled, lagged, number, oscillator, random_horizon, shaken, shaken_hard, stiffening
 from truths import differences
 
 from backsight.ocp import Horizon, ParameterPrior, Solver, Transcription, transcribe
 from backsight.ocp.nlp import Values
 from backsight.ocp.oracle import Oracle
 
-DAES = {name: compiled(model()) for name, model in {"oscillator": oscillator, "lagged": lagged, "stiffening": stiffening}.items()}
+MODELS = {"oscillator": oscillator, "lagged": lagged, "stiffening": stiffening, "shaken": shaken, "shaken hard": shaken_hard}
+DAES = {name: compiled(model()) for name, model in MODELS.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,8 @@ CASES = [
     *(Case(method=m, prior=(0.3, np.inf, 0.2, np.inf), hold="linear") for m in ("spline", "collocation")),
     *(Case(model="lagged", method=m, degree=3, free=("motor.T", "spring.k"), horizons=2) for m in ("spline", "collocation")),
     *(Case(model="oscillator", method=m, free=("mass.m",)) for m in ("spline", "collocation")),
+    *(Case(model="shaken", method=m, free=("mass.m", "spring.k")) for m in ("spline", "collocation")),
+    *(Case(model="shaken hard", degree=d, free=("mass.m", "friction.f_c", "spring.a"), horizons=2) for d in (2, 3)),
 ]
 
 

@@ -68,6 +68,16 @@ def test_of_what_cannot_be_told_apart_the_plainest_stands():
     assert simplest([rich, far]) == "rich"
 
 
+def test_of_numbers_that_no_recording_can_tell_apart_the_one_that_the_study_gives_is_doubted_first():
+    def doubted(name: str, stated: bool) -> Candidate:
+        return Candidate(place="drive", family="parameter", physics="wrong_parameter", strengths=(name,), stated=stated)
+
+    known, default = doubted("drive.J", stated=True), doubted("slide.m", stated=False)
+    assert known.plainness < default.plainness
+    plainer = Candidate(place="drive", family="sensor", physics="sensor_gain", strengths=("gain.k",))
+    assert (plainer.plainness < default.plainness) == (plainer.rank < default.rank)  # the kind of explanation comes first
+
+
 def test_residuals_that_are_not_white_widen_what_cannot_be_told_apart_and_count_against_what_leaves_them():
     clean, coloured_ones = (replace(screened("p", "x", 9.0), inflation=f) for f in (2.0, 4.0))
     best, other, poor = ("best", coloured_ones, 780.0, (2, 1)), ("other", clean, 772.0, (3, 2)), ("poor", clean, 700.0, (3, 1))
@@ -135,3 +145,11 @@ def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_whit
     assert not clear(replace(white, inflation=4.0), 3.9 * CLEAR)
     assert clear(replace(white, inflation=4.0), 4.1 * CLEAR)
     assert clear(None, 1.1 * CLEAR)  # what has no score is judged by its fit alone
+
+
+@pytest.mark.parametrize(("std", "of_coupling", "of_strength"), [(0.2, True, True), (0.4, True, False), (0.6, False, False)])
+def test_of_a_coupling_evidence_tells_more_than_its_numbers(std, of_coupling, of_strength):
+    told = {"string_2.k": SimpleNamespace(name="string_2.k", value=1.0, std=std)}
+    for dear, is_one in ((True, of_coupling), (False, of_strength)):
+        c = Candidate(place="string", family="transmission", physics="compliance", start={"string_2.k": (2.0, 0.1, 10.0)}, dear=dear)
+        assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
