@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from backsight.models.errors import InputError
+from backsight.models.errors import InputError, suggestion
 
 from ..wording import number
 from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, check_limits, cut, late_inputs
@@ -134,6 +134,9 @@ class Recording:
             if not isinstance(c, (str, InputColumn, OutputColumn)):
                 raise InputError(f"{label}: the column of {k} is {c!r}; give its name, or OutputColumn(name, unit=..., std=...)")
         drives = {k: InputColumn(c) if isinstance(c, str) else c for k, c in inputs.items()}
+        for k in std or {}:
+            if k not in outputs:
+                raise InputError(f"{label}: std of {k!r}: no such output is read; {suggestion(k, outputs)}")
         sensors = {k: OutputColumn(c, std=(std or {}).get(k)) if isinstance(c, str) else c for k, c in outputs.items()}
         wanted = [c.column for c in (*drives.values(), *sensors.values())]
         check_word(hold, ("zero", "linear", "auto"), where=f"{label}: hold")

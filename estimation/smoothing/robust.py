@@ -76,11 +76,15 @@ def heavy_tailed(e: Array) -> bool:
     """Whether standardised residuals e (n,) have heavier tails than Gaussian ones.
 
     Their scale is one, or where the deviations in force are too small their own, median |e| / 0.6745; under a Gaussian the number beyond
-    FAR of it is at most binomial, and a number whose chance is below CHANCE is too many.
+    FAR of it is at most binomial, and a number whose chance is below CHANCE is too many. So is a single one so far away that with this
+    chance none of all would be.
     """
-    scale = max(1.0, float(np.median(np.abs(e))) / 0.6745) if e.size else 1.0
-    count = int(np.count_nonzero(np.abs(e) > FAR * scale))
-    return bool(stats.binom.sf(count - 1, e.size, 2.0 * stats.norm.sf(FAR)) < CHANCE)
+    if not e.size:
+        return False
+    far = np.abs(e) / max(1.0, float(np.median(np.abs(e))) / 0.6745)
+    many = stats.binom.sf(np.count_nonzero(far > FAR) - 1, e.size, 2.0 * stats.norm.sf(FAR))
+    farthest = 2.0 * e.size * stats.norm.sf(float(far.max()))
+    return bool(min(many, farthest) < CHANCE)
 
 
 @dataclass(frozen=True, kw_only=True)

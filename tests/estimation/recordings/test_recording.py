@@ -375,3 +375,9 @@ def test_a_recording_cannot_be_changed_from_outside():
 def test_arrays_are_checked_like_files(parts, word):
     with pytest.raises(InputError, match=word):
         Recording(**({"name": "bench", "time": T, "inputs": {"F": T}, "outputs": {"x": T}} | parts))
+
+
+def test_a_deviation_of_an_output_that_is_not_read_is_refused(tmp_path):
+    (tmp_path / "run.csv").write_text("t,u,y\n0,1,2\n0.1,1,2\n0.2,1,3\n")
+    with pytest.raises(InputError, match=r"run.csv: std of 'X': no such output is read; .*x"):
+        Recording.read(tmp_path / "run.csv", time="t", inputs={"F": "u"}, outputs={"x": "y"}, std={"X": 1e-3})
