@@ -21,6 +21,7 @@ from .polynomials import Array
 
 Index = NDArray[np.int64]
 
+NEARLY_EMPTY = 0.15  # of a matrix: with fewer entries that are not zero a sparse product is the faster one
 STRIP = 256  # columns at a time: the products of all entries of T are many, and need not be kept
 
 
@@ -68,16 +69,19 @@ class AtNodes:
         v = np.asarray(self._matrix(tuple(rows)) @ inside).reshape(len(rows), self.places, local.shape[1])
         return self.scaled(v, [-self.orders[a] for a in rows]).reshape(len(rows), self.places * local.shape[1])
 
-    def _matrix(self, rows: tuple[int, ...]) -> sp.csr_matrix:
-        """c of these rows of v, (rows S, local)."""
+    def _matrix(self, rows: tuple[int, ...]) -> Array | sp.csr_matrix:
+        """The c of these rows of v, (rows S, local); sparse where it is nearly empty."""
         if rows not in self._matrices:
-            kept = [(r * self.places + s, j, c[s]) for r, a in enumerate(rows) for j, c in self.entries[a] for s in np.flatnonzero(c)]
-            shape = (len(rows) * self.places, self.interpolation.local)
-            self._matrices[rows] = sp.csr_matrix(([c for *_, c in kept], ([r for r, *_ in kept], [j for _, j, _ in kept])), shape=shape)
+            c = np.zeros((len(rows), self.places, self.interpolation.local))
+            for of_row, a in zip(c, rows, strict=True):
+                for column, values in self.entries[a]:
+                    of_row[:, column] += values
+            flat = c.reshape(-1, self.interpolation.local)
+            self._matrices[rows] = sp.csr_matrix(flat) if np.count_nonzero(flat) < NEARLY_EMPTY * flat.size else flat
         return self._matrices[rows]
 
     @cached_property
-    def _matrices(self) -> dict[tuple[int, ...], sp.csr_matrix]:
+    def _matrices(self) -> dict[tuple[int, ...], Array | sp.csr_matrix]:
         return {}
 
     def slopes(self, pairs: tuple[Index, Index], moments: Array, m: int) -> OfNodes:

@@ -48,7 +48,7 @@ Case = tuple[Problem, Smoothing]
 Progress = Callable[[str], None]
 
 # states to a thousandth of their deviation, if that does not take too long
-ROUGHLY = Settings(check_mesh=False, seconds=150.0, options=Options(tolerance=1e-3))
+ROUGHLY = Settings(check_mesh=False, seconds=150.0, options=Options(tolerance=1e-3, max_iterations=100))
 SPANS = (0.05, 0.25)  # s
 LONGEST = 0.1  # of the recording: the dominant time constant counts up to there
 WHOLE = 0.25  # of the recording: a window longer than that is none

@@ -158,7 +158,7 @@ class Search:
             worth += held_unseen(found, worth, hidden(self.problem) - rests)
         fits = self._fits([(s.candidate, s) for s in worth])
         most = max(sizes.left.values(), default=0.0)
-        if not self._explains(fits, now) and (most > FLOOR or (self.settings.weigh and self._doubtful())):
+        if not self._explains(fits, now) and (most > FLOOR or (self.settings.weigh and coloured(self.result))):
             fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
@@ -225,10 +225,6 @@ class Search:
             if not fit.late:
                 self.kept.put(name, fit)
         return [(c, s, found[name]) for (c, s), name in zip(wanted, names, strict=True)]
-
-    def _doubtful(self) -> bool:
-        """Whether something may be left out though hardly a force is: errors tell, or parameters of bodies nobody sees took it."""
-        return coloured(self.result) or (not self.findings and bool(hidden(self.problem)))
 
     def _explains(self, fits: list[Judged], now: float) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
