@@ -63,7 +63,8 @@ class Evaluated:
     def cost(self, X: Array, values: Values) -> float:
         """1/2 sum r^2 over the terms that are no constraints."""
         terms = enumerate(self._nlp.terms)
-        return sum(float(np.sum(self._row(number, X, values) ** 2)) / 2 for number, term in terms if not term.equality)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return sum(float(np.sum(self._row(number, X, values) ** 2)) / 2 for number, term in terms if not term.equality)
 
     def constraints(self, X: Array, values: Values) -> Array:
         """The rows that must vanish, one term after the other, column by column, (constraint_count,)."""
@@ -72,7 +73,8 @@ class Evaluated:
 
     def _row(self, number: int, X: Array, values: Values) -> Array:
         m = self._blocks[number].valued(*self._arguments(number, X, values))
-        return np.asarray((m - values.target[number]) * values.scale[number], dtype=np.float64)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step may lead to where the model has no value: the cost is none then
+            return np.asarray((m - values.target[number]) * values.scale[number], dtype=np.float64)
 
     def derivative(self, number: int, X: Array, values: Values) -> Array:
         """Derivative of one term's values m, not scaled, in the local unknowns and parameters, (C, K m, local + np)."""

@@ -17,13 +17,13 @@ from backsight.models.errors import SolveError
 from backsight.ocp import Horizon, Options, Solution, Status
 from backsight.ocp.follow import Followed
 
-from ..delays import settled
 from ..holds import with_better_hold
 from ..problem import Problem
 from ..results import Smoothing
 from .along import RIGID, exact_forces
 from .approach import TIGHTEST, approach
 from .begun import Begun, followed_by
+from .delays import settled
 from .horizons import output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by

@@ -1,0 +1,136 @@
+"""Estimated delays of sensors, or of all inputs: where they are expanded is moved to where they are.
+
+An output whose delay is asked for has it as a parameter of the model (`models/augmentation/delay.py`), expanded about a time d_0 by which
+the samples were moved back (`recordings/delay.py`): whole intervals of the recording sampled most quickly, so that rows stay rows where
+time stamps are even. Its derivatives make the estimate exact enough, with a deviation. Inputs that act late are outputs that all lag:
+everything is then told on the inputs' clock.
+
+A sample that was moved by d_0 saw the machine d_0 - d later than its row. The series is taken with what acts from that row on, inputs
+and residual forces, so it holds from there to the next row: d is sought within the interval that ends at d_0. Elsewhere the acceleration
+at a row would be one that the sample cannot have seen, a freedom to explain noise with, the more so the further off. Where d ends on an
+edge of its interval, d_0 moves that way, by strides that grow as long as the evidence per sample does and shrink where they went too far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from backsight.models.augmentation.delay import INPUTS, delay_name, with_samples_moved
+
+from ..problem import Free, Problem
+from ..recordings.delay import moved
+from ..recordings.gaps import usual_interval
+from ..results import Smoothing
+
+PASSES = 16
+FARTHEST = 0.5  # of the shortest recording: a longer delay would cost more samples than it leaves
+MARGIN = 0.1  # intervals by which d may leave its interval, so that a delay of whole ones does not go to and fro
+GROWTH = 3.0  # of the stride, after one that leads on; where it went too far it shrinks as much
+ON_THE_EDGE = 1e-6  # intervals
+
+
+def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[Problem, Smoothing]:
+    """The problem as posed in the end, the samples of delayed outputs moved to about where their delays are expanded, and smoothed.
+
+    Where no expansion was found that holds at the delay it gives, a note of the result says so.
+    """
+    sought = _sought(problem)
+    if not sought:
+        return problem, smooth(problem)
+    interval = min(usual_interval(r) for r in problem.fitted)
+    farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.recordings) / interval
+    guesses = {name: (p.guess if isinstance(p, Free) else p) / interval for name, p in sought.items()}
+    # an estimate begins in the interval that ends after its guess; what is given stays where it may be
+    about = {n: float(np.floor(g) + 1 if isinstance(sought[n], Free) else np.ceil(g - MARGIN)) for n, g in guesses.items()}
+    posed = _posed(problem, about, guesses, interval)
+    result, tried, stride, way = smooth(posed), [about], 1.0, dict.fromkeys(sought, 0.0)
+    for _ in range(PASSES if _arrived(result) else 0):
+        towards = _edges(result, about, interval)
+        if any(way[name] * side < 0 for name, side in towards.items()):
+            stride = max(stride / GROWTH**2, 1.0)  # it went too far: back by less than it came, and it has grown since
+        there = {name: d + towards[name] * float(np.round(stride)) for name, d in about.items()}
+        if there in tried or max(map(abs, there.values())) > farthest:
+            break
+        tried.append(there)
+        further = _posed(problem, there, {name: d - 0.5 for name, d in there.items()}, interval)
+        other = smooth(further)
+        if _better(other, result):
+            way = {name: there[name] - d for name, d in about.items()}
+            about, posed, result, stride = there, further, other, stride * GROWTH
+        elif stride > 1.0:
+            stride = max(stride / GROWTH, 1.0)
+        else:
+            break
+    within = not any(_edges(result, about, interval).values())
+    return posed, replace(result, notes=(*result.notes, *_notes(about, interval, within)))
+
+
+def _edges(result: Smoothing, about: Mapping[str, float], interval: float) -> dict[str, float]:
+    """Of every delay: 1 where it ended on the late edge of what is believed about d_0, -1 on the early one, 0 in between."""
+    rest = {name: result.parameters[delay_name(name)].value / interval - d for name, d in about.items()}
+    return {name: float(r > MARGIN - ON_THE_EDGE) - float(r < -1.0 - MARGIN + ON_THE_EDGE) for name, r in rest.items()}
+
+
+def _sought(problem: Problem) -> dict[str, Free | float]:
+    """Delayed output, or INPUTS -> its delay, estimated or given; one that varies has no one place to be expanded about."""
+    names = (INPUTS, *(q.name for q in problem.dae.outputs))
+    delays = {name: problem.parameters[delay_name(name)] for name in names if delay_name(name) in problem.parameters}
+    return {name: p for name, p in delays.items() if not (isinstance(p, Free) and p.varies)}
+
+
+def _arrived(result: Smoothing) -> bool:
+    """Whether the solver did: that it is no minimum may be for a delay that is expanded too far from where it is."""
+    return result.solver.converged or (result.solution is not None and result.solution.solved.status.converged)
+
+
+def _better(one: Smoothing, other: Smoothing) -> bool:
+    """Whether it has more evidence by the sample, as samples that are moved beyond the start are lost; so where nobody can tell."""
+    if not _arrived(one):
+        return False
+    if one.criteria is None or other.criteria is None or one.criteria.log_evidence is None or other.criteria.log_evidence is None:
+        return True
+    return one.criteria.log_evidence / one.criteria.samples >= other.criteria.log_evidence / other.criteria.samples
+
+
+def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, float], interval: float) -> Problem:
+    """The problem with the samples of delayed outputs, or of all for the INPUTS, moved back, and their delays within reach.
+
+    expanded, guesses: d_0 and where delays start [intervals], the latter but where a prior says what the guess means.
+    """
+    before = asked.recordings[0].advanced
+    about = {name: d * interval for name, d in expanded.items()}
+    moves = {name: d_0 - before.get(name, 0.0) for name, d_0 in about.items()}
+    dae, parameters = asked.dae, dict(asked.parameters)
+    for name, by in moves.items():
+        dae = with_samples_moved(dae, name, by) if by else dae
+        free = parameters[delay_name(name)]
+        if isinstance(free, Free):
+            low, high = max(free.min, about[name] - (1.0 + MARGIN) * interval), min(free.max, about[name] + MARGIN * interval)
+            guess = free.guess if free.std is not None else float(np.clip(guesses[name] * interval, low, high))
+            parameters[delay_name(name)] = replace(free, guess=guess, min=min(low, guess), max=max(high, guess))
+    recordings = [
+        replace(moved(r, {name: moves.get(name, 0.0) + moves.get(INPUTS, 0.0) for name in r.outputs}), advanced={**before, **about})
+        for r in asked.recordings
+    ]
+    return replace(asked, model=dae, parameters=parameters, recordings=recordings)
+
+
+def _notes(about: Mapping[str, float], interval: float, within: bool) -> list[str]:
+    """What a reader should know of how the delays came out; within: whether they are where they were expanded."""
+    notes = [
+        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, near the delay that was estimated."
+        for name, d in about.items()
+        if d != 0.0
+    ]
+    if not within:
+        names = ", ".join(f'"{delay_name(name)}"' for name in about)
+        what = f"the delay of {' and '.join(map(_of, about))}"
+        notes.append(f"No settled value was found for {what}: give it as a number, or bounds by the parameter {names}.")
+    return notes
+
+
+def _of(name: str) -> str:
+    return "all outputs" if name == INPUTS else name
