@@ -51,6 +51,7 @@ _STATUS = {
 FINE = 1e-4  # tolerance from which on Ipopt has the last word
 WORSE = 1e-6  # of the cost: what Ipopt's answer may cost more than that of plain steps
 SHORTEST_SECANT = 0.2  # of the step to the answer
+DEARER = 10.0  # times the cost before: that was no step towards where both are the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +189,7 @@ class Solver:
                 progress(f"{'Newton' if exact else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
             start, near = decisions.copy(), None
             if status.converged:
-                if sought.reached(here.reference[at], decisions[at]):
+                if sought.reached(here.reference[at], decisions[at], cost):
                     break
                 start[at] = np.clip(sought.next(), lower[at], upper[at])
             elif status is Status.INTERRUPTED or exact or not newton or cost > self.options.hopeless:
@@ -337,23 +338,27 @@ class Solver:
 class FixedPoint:
     """Parameters p = G(p), G a solve with the terms referred to p: where the answers go to and fro, secant steps between them.
 
-    drift: relative change within which an answer is where it was sought.
+    A step that leads to where the solve costs far more is taken back and made shorter. drift: relative change within which an answer is
+    where it was sought.
     """
 
     def __init__(self, drift: float) -> None:
-        self._drift, self._history = drift, list[tuple[Array, Array]]()
+        self._drift, self._history = drift, list[tuple[Array, Array, float]]()
 
-    def reached(self, p: Array, answer: Array) -> bool:
-        """Whether G(p) = answer is p; if not, `next` has what to try."""
-        self._history.append((p, answer - p))
+    def reached(self, p: Array, answer: Array, cost: float) -> bool:
+        """Whether G(p) = answer, found at this cost, is p; if not, `next` has what to try."""
+        self._history.append((p, answer - p, cost))
         return not np.any(np.abs(answer - p) > self._drift * np.abs(answer))
 
     def next(self) -> Array:
         """Of each parameter the secant of the last two, no shorter than a fifth and no longer than the step from one to the answer."""
-        p, f = self._history[-1]
+        p, f, cost = self._history[-1]
         if len(self._history) == 1:
             return p + f
-        before, f_before = self._history[-2]
+        before, f_before, cost_before = self._history[-2]
+        if cost > DEARER * max(cost_before, 1.0):
+            self._history.pop()
+            return np.asarray(before + SHORTEST_SECANT * (p - before))
         turn = f_before - f
         length = np.divide(p - before, turn, out=np.ones_like(f), where=turn * (p - before) > 0)
         return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)

@@ -136,11 +136,25 @@ def test_a_fixed_point_is_found_however_the_answers_go_about_it(slope):
     truth, p, sought = np.array([2.0, 0.05]), np.array([2.4, 0.06]), FixedPoint(1e-6)
     for count in range(40):  # noqa: B007
         answer = truth + slope * (p - truth)
-        if sought.reached(p, answer):
+        if sought.reached(p, answer, 1.0):
             break
         p = sought.next()
     assert np.allclose(answer, truth, rtol=1e-5)
     assert count <= (25 if slope > 0 else 10)
+
+
+def test_a_step_to_where_the_answers_are_no_good_is_taken_back():
+    truth, p, sought = np.array([2.0]), np.array([2.4]), FixedPoint(1e-6)
+    costs = []
+    for _ in range(40):
+        good = p > 1.9  # below, the program falls into another basin, far off and dear
+        answer, cost = (truth - 2.0 * (p - truth), 100.0) if good else (np.array([50.0]), 1e8)
+        costs.append(cost)
+        if sought.reached(p, answer, cost):
+            break
+        p = sought.next()
+    assert np.allclose(answer, truth, rtol=1e-5)
+    assert costs.count(1e8) == 1  # the first whole step
 
 
 def test_a_solve_that_may_take_no_time_stops_at_a_limit_and_its_numbers_are_finite():
