@@ -15,6 +15,7 @@ from backsight.models.augmentation.parameters import case_name
 from backsight.models.errors import InputError, suggestion
 
 from . import supposed
+from .arguments import check_kind, check_mapping, check_number
 from .delays import asked_for, with_delays
 from .recordings.recording import Recording
 
@@ -36,6 +37,11 @@ class Free:
     per_recording: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("guess", "min", "max"):
+            check_number(getattr(self, name), f"Free: {name}")
+        for name in ("std", "drift"):
+            if getattr(self, name) is not None:
+                check_number(getattr(self, name), f"Free: {name}", "give a number, or leave it out")
         if not (np.isfinite(self.guess) and self.min <= self.guess <= self.max and self.min < self.max):
             raise InputError(
                 f"Free(guess={self.guess}, min={self.min}, max={self.max}): needs a finite guess with min <= guess <= max and min < max."
@@ -67,6 +73,8 @@ class Known:
     always: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("value", "std"):
+            check_number(getattr(self, name), f"Known: {name}")
         if not (np.isfinite(self.value) and np.isfinite(self.std) and self.std >= 0):
             raise InputError(
                 f"Known(value={self.value}, std={self.std}): needs a finite value and a finite std, 0 for exactly; "
@@ -93,6 +101,7 @@ class Weights:
     kind: Mapping[str, Shape] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_mapping(self.kind, "Weights: kind", "give places and words, {'carriage': 'ou'} say")
         object.__setattr__(self, "kind", dict(self.kind))
         for place, kind in self.kind.items():
             if kind not in SHAPES:
@@ -102,8 +111,10 @@ class Weights:
             if place not in self.tau:
                 raise InputError(f"Weights(kind={{{place!r}: {kind!r}}}): a coloured residual force has a correlation time; give tau too.")
         for name, table in (("W", self.W), ("V", self.V), ("tau", self.tau)):
+            check_mapping(table, f"Weights: {name}", "give names and numbers, {'carriage': 2.0} say")
             object.__setattr__(self, name, dict(table))
             for key, std in table.items():
+                check_number(std, f"Weights: {name} of {key}")
                 if not (np.isfinite(std) and std > 0):
                     raise InputError(f"Weights({name}={{{key!r}: {std}}}): needs a positive, finite number.")
 
@@ -130,6 +141,7 @@ class Problem:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self._check_kinds()
         open_delays = asked_for(self.recordings)
         if open_delays:
             model, recordings = with_delays(self.dae, self.recordings)
@@ -181,6 +193,28 @@ class Problem:
                 raise InputError(f"{recording.name}: no output has a value; nothing can be estimated from it.")
             if not recording.pieces:
                 raise InputError(f"{recording.name}: no piece between its gaps has two rows and a sample of an output; make gap longer.")
+
+    def _check_kinds(self) -> None:
+        """Whether every argument is of the kind that it should be."""
+        if isinstance(self.recordings, Recording) or not isinstance(self.recordings, Sequence):
+            raise InputError(f"Problem: recordings is a {type(self.recordings).__name__}; give a list, [recording] even for one.")
+        for recording in self.recordings:
+            check_kind(recording, Recording, "Problem: one of the recordings", "make them by Recording.read(...) or Recording(...)")
+        check_kind(self.weights, Weights, "Problem: weights", "write weights=Weights(W={...})")
+        check_mapping(self.parameters, "Problem: parameters", 'give names and values, {"mass.m": Free(3.0)} say')
+        for name, value in self.parameters.items():
+            if not isinstance(value, Free):
+                check_number(value, f"parameters: {name}", "give a number, or Free(guess) to estimate it")
+        check_mapping(self.initial, "Problem: initial", 'give states and values, {"mass.v": 0.0} say')
+        for name, start in self.initial.items():
+            if not isinstance(start, Known):
+                check_number(start, f"initial: {name}", "give a number, or Known(value, std=...)")
+        check_mapping(self.bounds, "Problem: bounds", 'give states and pairs, {"mass.s": (0.0, 1.0)} say')
+        for name, pair in self.bounds.items():
+            if not (isinstance(pair, Sequence) and len(pair) == 2):
+                raise InputError(f"bounds: {name} = {pair!r}: needs two numbers, the lower one first.")
+            for bound in pair:
+                check_number(bound, f"bounds: {name}", "give two numbers, the lower one first")
 
     @cached_property
     def dae(self) -> Dae:

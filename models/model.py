@@ -83,7 +83,7 @@ class Model:
                 raise ModelError(
                     f"model '{self.name}': {name} = {getattr(self, name)!r} is a text, not a list; write [...] even for one {one}"
                 )
-        object.__setattr__(self, "connections", tuple((str(a), str(b)) for a, b in self.connections))
+        object.__setattr__(self, "connections", tuple(map(self._pair, self.connections)))
         object.__setattr__(self, "states", tuple(self.states))
         object.__setattr__(self, "residuals", tuple(self.residuals))
         object.__setattr__(self, "outputs", MappingProxyType(self.measured))
@@ -93,6 +93,13 @@ class Model:
         self._check_names()
         self._check_bindings()
         self._check_onsets()
+
+    def _pair(self, connection: Sequence[str]) -> tuple[str, str]:
+        if isinstance(connection, str) or len(connection) != 2:
+            remedy = "connects two; of three or more write one pair each to the first"
+            raise ModelError(f'model \'{self.name}\': {connection!r} is no connection, which {remedy}, ("a.flange", "b.flange")')
+        a, b = connection
+        return str(a), str(b)
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -9,7 +9,9 @@ import numpy as np
 import pandas as pd
 
 from backsight.models import BacksightError
+from backsight.models.errors import InputError
 
+from ..arguments import check_kind
 from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.prediction import predict
@@ -30,6 +32,10 @@ def compare(
     `<recording>.<output>.ahead` over windows, both from starts that the smoother finds with the method's parameters and the smoother's
     weights, so that nothing but the parameters differs; `note`, why a method or a prediction is missing. All in SI units.
     """
+    check_kind(problem, Problem, "compare(...): the problem", "write compare(Problem(...), [methods])")
+    for method in methods:
+        if not (isinstance(method, Baseline) or callable(method)):
+            raise InputError(f"compare(...): the method {method!r} is no function of a problem, nor what one gave back.")
     own = {q.name for q in problem.dae.inputs}
     plain = replace(
         problem,

@@ -22,6 +22,9 @@ MOST_ITERATIONS = 10  # Gauss-Newton steps for a sample
 DONE, FAULT, BAD_INPUT, NO_CONVERGENCE, INTERRUPTED = 0, 1, 2, 3, 130
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # typer's own base of all mistakes on the command line
 
+# Matrices are as small as a plant: threads of the linear algebra library only wait for each other, the longer the busier the machine.
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
 app = typer.Typer(
     name="backsight",
     help="Estimate the states, the parameters and the missing physics of a mechanical plant from its recordings.",
@@ -67,6 +70,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print result.json on standar
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit status; no exception leaves, but for BACKSIGHT_TRACEBACK=1."""
+    for name in BLAS_THREADS:
+        os.environ.setdefault(name, "1")
     try:
         with warnings.catch_warnings(), remembered():
             if not sys.warnoptions:

@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 AHEAD, BEHIND = (1, 2, 3, 4), (-4, -3, -2, -1)
 AROUND = (AHEAD, BEHIND, (-3, -1, 1, 3), (-4, -2, 2, 4), (-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6))
 GROSS = 10.0  # standard deviations of what is usual
+EXTRAPOLATED = 8.4  # root of 1 + 4^2 + 6^2 + 4^2 + 1: times a sample's noise its distance has from the cubic through four on one side
 PASSES = 3  # an outlier may hide its neighbour
 MOST = 0.25  # of the samples: more are no outliers but what the signal is like
 
@@ -59,7 +60,7 @@ def _distance(time: Array, y: Array) -> Array:
     middle = np.full(len(y), np.nan)
     some = known.any(axis=0)
     middle[some] = np.nanmedian(values[:, some], axis=0)
-    distances = np.abs(np.array([values[0], values[1], middle]) - y)
+    distances = np.abs(np.array([values[0], values[1], middle]) - y) / np.array([[EXTRAPOLATED], [EXTRAPOLATED], [1.0]])
     return np.asarray(np.where(some, np.min(np.where(np.isfinite(distances), distances, np.inf), axis=0), 0.0))
 
 

@@ -71,12 +71,13 @@ class Recording:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "time", _column(self.time))
+        put(self, "time", _column(self.time, f"{self.name}: time"))
         check_limits(self.limits, self.inputs, self.name)
-        put(self, "inputs", {name: _column(cut(values, self.limits.get(name))) for name, values in self.inputs.items()})
+        inputs = {name: _column(values, f"{self.name}: input {name}") for name, values in self.inputs.items()}
+        put(self, "inputs", {name: _column(cut(u, self.limits.get(name)), name) for name, u in inputs.items()})
         if self.drive is not None:
             put(self, "drive", replace(self.drive, inputs={n: cut(u, self.limits.get(n)) for n, u in self.drive.inputs.items()}))
-        put(self, "outputs", {name: _column(values) for name, values in self.outputs.items()})
+        put(self, "outputs", {name: _column(values, f"{self.name}: output {name}") for name, values in self.outputs.items()})
         put(self, "output_std", {name: self.output_std.get(name) for name in self.outputs})
         put(self, "output_loss", {name: self.output_loss.get(name, "square") for name in self.outputs})
         for name, loss in self.output_loss.items():
@@ -218,9 +219,12 @@ def check_word(word: str, allowed: Sequence[str], *, where: str) -> None:
         raise InputError(f'{where} is "{word}"; it must be ' + " or ".join(f'"{a}"' for a in allowed))
 
 
-def _column(values: Any) -> Array:
-    """An own, read-only copy as a flat array of float64."""
-    column = np.array(values, dtype=np.float64).ravel()
+def _column(values: Any, where: str) -> Array:
+    """An own, read-only copy as a flat array of float64; where: what it is, for the error."""
+    try:
+        column = np.array(values, dtype=np.float64).ravel()
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where} is no array of numbers: {error}") from error
     column.flags.writeable = False
     return column
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from backsight.models import Dae
+from backsight.models.errors import InputError
 from backsight.ocp import Horizon, mesh_over
 from backsight.ocp.pieces import direct
 
@@ -32,8 +33,21 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
         given = {name: problem.weights.noise(name, recording.name) or recording.output_std.get(name) for name in recording.outputs}
         chosen.append({name for name, std in given.items() if std is None})
         own = whole[recording.name]
+        for name in chosen[-1]:
+            _check_varies(own, name, supposed.get(name))
         tables.append({name: float(std or noise(own.time, own.outputs[name], supposed.get(name)).std) for name, std in given.items()})
     return tables, chosen
+
+
+def _check_varies(recording: Recording, output: str, supposed: float | None) -> None:
+    """Raise InputError where neither the samples nor the model say anything of a noise that nobody gave."""
+    y = recording.outputs[output]
+    known = y[np.isfinite(y)]
+    if supposed is None and known.size and np.ptp(known) == 0.0:
+        raise InputError(
+            f"{recording.name}: output {output} is {known[0]:g} in all its samples, which say nothing of its noise; "
+            "give its std, or leave it out"
+        )
 
 
 def shown_noise(problem: Problem) -> Array:

@@ -17,6 +17,7 @@ from ..supposed import INPUT, left_out
 from ..wording import listed
 from .agreement import contradictions, nothing_there
 from .along import forces
+from .beforehand import contradicted
 from .mesh_error import allowed
 from .outliers import outlier_notes
 from .rest import near_rest
@@ -47,6 +48,7 @@ def notes(
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution),
         *contradictions(problem, run),
+        *contradicted(problem.posed, run.choice.solution),
         *on_errors(fit),
         *on_residuals(residuals, nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),

@@ -1,6 +1,8 @@
-"""What Huber's loss made of the samples, in words."""
+"""What the losses made of outlying samples, in words."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +10,8 @@ from numpy.typing import NDArray
 from backsight.ocp import Solution
 
 from ..problem import Problem
+from ..recordings.outliers import Mask, outlying
+from ..recordings.recording import Recording
 from ..wording import number
 from .robust import CORNER, FAR, RobustSolution
 
@@ -22,6 +26,7 @@ def outlier_notes(problem: Problem, solution: Solution) -> list[str]:
     for i, q in enumerate(problem.dae.outputs):
         asked = {r.output_loss.get(q.name, "square") for r in problem.fitted} - {"square"}
         if not asked:
+            found += _taken_as_they_are(problem, q.name)
             continue
         if not (isinstance(solution, RobustSolution) and solution.huber[i].any()):
             found.append(f"Loss of {q.name}: squares, for the tails of its residuals are no heavier than Gaussian ones.")
@@ -43,14 +48,36 @@ def outlier_notes(problem: Problem, solution: Solution) -> list[str]:
     return found
 
 
+def _taken_as_they_are(problem: Problem, output: str) -> list[str]:
+    """A note where gross outliers of an output are squared."""
+    off = np.concatenate([_outlying(r, output) for r in problem.fitted])
+    if not off.any():
+        return []
+    count, where = int(off.sum()), _times(problem, np.flatnonzero(off)[:NAMED])
+    who = (
+        f"{count} samples stand far off their neighbours ({where})" if count > 1 else f"one sample stands far off its neighbours ({where})"
+    )
+    return [f'{output}: {who}: residual forces and parameters follow what the square makes of that. Give the output loss = "auto".']
+
+
+def _outlying(recording: Recording, output: str) -> Mask:
+    y = recording.outputs.get(output)
+    return np.zeros(len(recording.time), dtype=bool) if y is None else outlying(recording.time, y)
+
+
 def _places(problem: Problem, samples: NDArray[np.int64], z: Array) -> str:
     """Times and distances of some of all samples."""
+    return _times(problem, samples, [f" ({number(float(f'{z[k]:.3g}'))} std)" for k in samples.tolist()])
+
+
+def _times(problem: Problem, samples: NDArray[np.int64], more: Sequence[str] = ()) -> str:
+    """Times of some of all samples, as they were recorded, with more to say of each."""
     ends = np.cumsum([len(r.time) for r in problem.fitted])
     several = len({r.name for r in problem.fitted}) > 1
     parts = []
-    for k in samples.tolist():
+    for k, said in zip(samples.tolist(), more or [""] * len(samples), strict=True):
         owner = int(np.searchsorted(ends, k, side="right"))
         recording = problem.fitted[owner]
         time = recording.time[k - (ends[owner] - len(recording.time))]
-        parts.append(f"t = {time:.9g} s{' of ' + recording.name if several else ''} ({number(float(f'{z[k]:.3g}'))} std)")
+        parts.append(f"t = {time:.9g} s{' of ' + recording.name if several else ''}{said}")
     return ", ".join(parts)

@@ -17,6 +17,7 @@ from backsight.models.errors import SolveError
 from backsight.ocp import Horizon, Options, Solution, Status
 from backsight.ocp.follow import Followed
 
+from ..arguments import check_kind
 from ..holds import with_better_hold
 from ..problem import Problem
 from ..results import Smoothing
@@ -60,6 +61,7 @@ def smooth(
     Raises InputError for a problem that cannot be posed, OutOfTime after `settings.seconds`.
     """
 
+    check_kind(problem, Problem, "smooth(...): the problem", "write smooth(Problem(model=..., recordings=[...]))")
     settings, say = settings or Settings(), progress or (lambda _: None)
     if settings.seconds < math.inf:
         settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))

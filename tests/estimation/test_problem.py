@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from examples import oscillator
 
-from backsight.estimation import Free, Known, Problem, Recording, Weights
+from backsight.estimation import Free, Known, Problem, Recording, Weights, compare, smooth
 from backsight.models import InputError, compile_model
 from backsight.models.plants import actuator
 
@@ -200,3 +200,47 @@ def test_a_name_that_is_an_outputs_and_an_inputs_means_the_output():
     recording = replace(RECORDING, outputs={"F": np.arange(4.0)}, output_std={}, output_loss={})
     p = Problem(model=model, recordings=[recording], weights=Weights(V={"F": 0.1}))
     assert p.posed is p
+
+
+KINDS = [
+    ({"recordings": RECORDING}, r"recordings is a Recording; give a list, \[recording\]"),
+    ({"recordings": ["run.csv"]}, "one of the recordings is a str, not a Recording"),
+    ({"weights": {"W": {"mass": 1.0}}}, "weights is a dict, not a Weights"),
+    ({"parameters": [Free(3.0)]}, "parameters is a list; give names and values"),
+    ({"parameters": {"mass.m": {"guess": 3.0}}}, r"mass\.m = \{'guess': 3\.0\} is a dict; give a number, or Free\(guess\)"),
+    ({"parameters": {"mass.m": "3"}}, r"mass\.m = '3' is a str"),
+    ({"initial": {"mass.s": "rest"}}, r"initial: mass\.s = 'rest' is a str; give a number, or Known"),
+    ({"bounds": {"mass.s": 3.0}}, r"bounds: mass\.s = 3\.0: needs two numbers"),
+    ({"bounds": {"mass.s": (0.0, "far")}}, r"bounds: mass\.s = 'far' is a str"),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), KINDS, ids=[f"{next(iter(c))} {k}" for k, (c, _) in enumerate(KINDS)])
+def test_an_argument_of_another_kind_is_named_with_what_it_should_be(change, said):
+    with pytest.raises(InputError, match=said):
+        problem(**change)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Free("3"), "Free: guess = '3' is a str"),
+        (lambda: Free(3.0, std="wide"), "Free: std = 'wide' is a str; give a number, or leave it out"),
+        (lambda: Known(None), "Known: value = None is None"),
+        (lambda: Weights(W={"mass": "1 N"}), "Weights: W of mass = '1 N' is a str"),
+        (lambda: Weights(V=[1.0]), "Weights: V is a list; give names and numbers"),
+        (lambda: Recording(name="run", time=np.arange(3.0), inputs={"F": ["on"] * 3}, outputs={}), "run: input F is no array of numbers"),
+        (lambda: smooth(RECORDING), "the problem is a Recording, not a Problem"),
+        (lambda: compare([RECORDING], []), "the problem is a list, not a Problem"),
+        (lambda: compare(problem(), ["armax"]), "the method 'armax' is no function of a problem"),
+    ],
+)
+def test_so_are_those_of_what_a_problem_is_made_of_and_goes_into(make, said):
+    with pytest.raises(InputError, match=said):
+        make()
+
+
+def test_an_output_that_never_changes_says_nothing_of_its_noise():
+    still = replace(RECORDING, outputs={"x": np.zeros(4)})
+    with pytest.raises(InputError, match="run: output x is 0 in all its samples, which say nothing of its noise; give its std"):
+        smooth(problem(recordings=[still]))

@@ -103,6 +103,8 @@ def test_connect_joins_several_flanges_in_one_node() -> None:
     [
         ({"connections": [("motor.flange", "bdy.flange")]}, r"no component 'bdy'; did you mean 'body'\?"),
         ({"connections": [("motor.flange", "body.flnge")]}, r"'body.flnge' is no connector of Mass 'body'; did you mean 'body.flange'\?"),
+        ({"connections": [("motor.flange", "body.flange", "sensor.flange")]}, r"'sensor\.flange'\) is no connection, which connects two"),
+        ({"connections": ["motor.flange"]}, "'motor.flange' is no connection, which connects two"),
         ({"connections": [("motor.flange", "body")]}, r"'body' is no connector of Mass 'body'"),
         ({"connections": [("body.flange", "body.flange")]}, "cannot be joined to itself"),
         ({"inputs": {"F": "motor.ff"}}, r"input 'F': Force 'motor' has no variable 'ff'; did you mean 'motor.f'\?"),

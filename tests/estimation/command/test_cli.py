@@ -481,3 +481,11 @@ def test_what_is_held_out_is_predicted_in_result_json_and_in_the_report(folder, 
         rf"Held out: <code>x</code> of <code>other.csv</code> is predicted to .* rms \(fit 99.*{1e6 * ahead:.3g} µm over 0.1 s", lead
     )
     assert re.search(rf"prediction of x, other.csv +rms .*; {ahead:.3g} m over 0.1 s", capsys.readouterr().out)
+
+
+def test_the_linear_algebra_library_starts_no_threads_but_those_that_the_environment_asks_for():
+    code = "import os; from backsight.estimation.command.cli import main; main(['--version']); print(os.environ['OPENBLAS_NUM_THREADS'])"
+    clean = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    for given, expected in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=clean | given, check=True)
+        assert done.stdout.splitlines()[-1] == expected

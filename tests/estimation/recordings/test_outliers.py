@@ -30,8 +30,9 @@ def test_single_outliers_are_found_while_the_signal_moves_as_fast(n):
 
 
 def test_a_sound_signal_keeps_its_samples():
-    time, y, _ = smooth_motion(5000, 1)
-    assert outlying(time, y).sum() <= 5  # 10 deviations, but extrapolated at the ends
+    for seed in range(20):
+        time, y, _ = smooth_motion(1000, seed)
+        assert not outlying(time, y).any()
     assert not outlying(time[:4], y[:4]).any()
 
 
@@ -41,10 +42,11 @@ def test_a_signal_of_spikes_keeps_them():
     assert not outlying(np.arange(400) * 0.01, y).any()
 
 
-def test_a_step_of_the_signal_is_no_outlier():
-    rng = np.random.default_rng(0)
+@pytest.mark.parametrize("seed", range(10))
+def test_a_step_of_the_signal_is_no_outlier(seed):
+    rng = np.random.default_rng(seed)
     y = np.where(np.arange(400) < 200, 0.0, 1.0) + 1e-3 * rng.normal(size=400)
-    assert not outlying(np.arange(400) * 0.01, y)[195:205].any()
+    assert not outlying(np.arange(400) * 0.01, y).any()
 
 
 def test_only_outputs_whose_loss_expects_outliers_are_screened_and_missing_samples_stay_missing():

@@ -190,6 +190,16 @@ def test_one_percent_of_outliers_a_thousand_deviations_off_move_no_estimate_by_h
     assert max(abs(squares.parameters[n].value - clean.parameters[n].value) / clean.parameters[n].std for n in TRUE) > 5
 
 
+@pytest.mark.parametrize("given", [True, False])
+def test_outliers_that_are_squared_are_named_with_the_remedy(given):
+    s = fitted(recorded(3, share=0.01, loss="square", given=given))
+    (note,) = [note for note in s.notes if "far off" in note]
+    assert note.startswith("x: ")
+    assert "samples stand far off their neighbours (t = " in note
+    assert note.endswith('Give the output loss = "auto".')
+    assert not any("far off" in note for note in fitted(recorded(3, loss="square", given=given)).notes)
+
+
 def test_without_outliers_auto_is_least_squares():
     auto, squares = fitted(recorded(5, loss="auto")), fitted(recorded(5, loss="square"))
     for name in TRUE:

@@ -1,0 +1,106 @@
+"""What was known beforehand, and what the data say of it: priors of parameters and starts that they contradict.
+
+A prior N(m, s^2) and data that would leave sigma0 alone give p^ with 1/sigma^2 = 1/s^2 + 1/sigma0^2. Where both are right, p^ - m is
+N(0, s^2 - sigma^2). A start that is held exactly pulls at the cost with g, and would move by -C g were it free, with its covariance C then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from backsight.ocp import Solution
+from backsight.ocp.curvature import curvature
+from backsight.ocp.evaluated import Linearised
+
+from ..problem import Free, Problem
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+SURE = 5.0  # deviations
+TOLD = 0.01  # of the prior's variance: what the data say of it at least
+
+
+def contradicted(problem: Problem, solution: Solution) -> list[str]:
+    """A sentence for every prior and every start that the data contradict; problem: the posed one."""
+    if solution.curvature is None:
+        return []
+    found = [*_priors(problem, solution), *_uncertain_starts(solution), *_exact_starts(solution)]
+    return [f"{said}: that contradicts the data, or the model lacks something. Values and deviations mislead." for said in found]
+
+
+def _priors(problem: Problem, solution: Solution) -> Iterable[str]:
+    assert solution.curvature is not None
+    values = solution.parameters
+    for index, variance in zip(problem.free, solution.curvature.parameter_variance, strict=True):
+        info = problem.dae.parameters[index]
+        given = problem.parameters[info.name]
+        if isinstance(given, Free) and given.std is not None:
+            off = _deviations(values[index] - given.guess, given.std, float(variance))
+            if off > SURE:
+                yield (
+                    f"{info.name} = {given.guess:.6g} ± {given.std:.2g} {info.unit} was known beforehand, and the estimate "
+                    f"{values[index]:.6g} is {off:.2g} times as far from it as data that agree would lead"
+                )
+
+
+def _uncertain_starts(solution: Solution) -> Iterable[str]:
+    t = solution.transcription
+    for number, horizon in enumerate(t.horizons):
+        variance = np.diagonal(solution.interval_covariance[t.offsets[number]])
+        for i, std in enumerate(horizon.initial_std):
+            value = solution.solved.decisions[t.starts[number][i]]
+            if 0 < std < np.inf and (off := _deviations(value - horizon.initial[i], float(std), float(variance[i]))) > SURE:
+                state = t.dae.states[i]
+                yield (
+                    f"{state.name} = {horizon.initial[i]:.6g} ± {std:.2g} {state.unit} was known of the start, and the estimate "
+                    f"{value:.6g} is {off:.2g} times as far from it as data that agree would lead"
+                )
+
+
+def _deviations(distance: float, std: float, variance: float) -> float:
+    """How many of its deviations an estimate is from what was known; 0 where the data say next to nothing."""
+    room = std**2 - variance
+    return abs(distance) / float(np.sqrt(room)) if room > TOLD * std**2 else 0.0
+
+
+def _exact_starts(solution: Solution) -> Iterable[str]:
+    t = solution.transcription
+    exact = np.array([h.initial_std == 0 for h in t.horizons])
+    if not exact.any():
+        return
+    on_bound = np.array(solution.solved.on_bound, dtype=np.int64)
+    held = np.setdiff1d(on_bound, t.starts[exact])
+    try:
+        free = curvature(t.nlp, *solution.solver.kkt(solution.solved.decisions, solution.values), solution.values.unit, held)
+    except np.linalg.LinAlgError:
+        return
+    slope = _slope(solution) / solution.values.unit
+    for number, horizon in enumerate(t.horizons):
+        known = np.flatnonzero(exact[number])
+        here = t.offsets[number]
+        C, null = free.interval_covariance[here][np.ix_(known, known)], free.interval_null[here][known]
+        moves = -C @ slope[t.starts[number][known]]
+        for i, move, variance, lost in zip(known, moves, np.diag(C), np.sum(null**2, axis=1), strict=True):
+            if variance > lost and abs(move) > SURE * np.sqrt(variance):
+                state = t.dae.states[i]
+                yield (
+                    f"{state.name} = {horizon.initial[i]:.6g} {state.unit} was given for the start, and without that it would be "
+                    f"{horizon.initial[i] + move:.6g} ± {np.sqrt(variance):.2g}"
+                )
+
+
+def _slope(solution: Solution) -> Array:
+    """Gradient of the Lagrangian in the program's units, (n + np,): zero but for what is held."""
+    evaluated, values = solution.transcription.nlp.evaluated, solution.values
+    X, parts, offset = values.scaled(solution.solved.decisions), list[Linearised](), 0
+    for number, term in enumerate(solution.transcription.nlp.terms):
+        part = evaluated.linearised(number, X, values)
+        if term.equality:
+            count = part.r.size
+            part = replace(part, r=solution.solved.multipliers[offset : offset + count].reshape(part.r.shape, order="F"))
+            offset += count
+        parts.append(part)
+    return evaluated.gradient(parts)
