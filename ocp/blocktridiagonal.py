@@ -50,8 +50,10 @@ class BlockTridiagonal:
     @property
     def log_abs_determinant(self) -> float:
         """log |det H|; -inf where a block is singular but for rounding, which costs the solutions with H only their digits there."""
-        with np.errstate(divide="ignore"):
-            return float(np.sum(np.log(np.abs(self._eigenvalues))))
+        found = float(sum(np.sum(np.linalg.slogdet(blocks)[1]) for blocks in self.pivots))
+        if np.isnan(found):
+            raise np.linalg.LinAlgError("a block of the matrix is singular")
+        return found
 
     @property
     def negative_eigenvalues(self) -> int:
