@@ -113,3 +113,16 @@ def test_the_pages_that_it_points_to_are_there():
         targets = re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text(encoding="utf-8"))
         assert page != README or len(targets) > 5
         assert not [t for t in targets if not (page.parent / t).exists()], page
+
+
+@pytest.mark.slow
+@in_a_checkout
+def test_the_table_of_classical_methods_is_the_one_that_its_example_makes():
+    page, names = ESTIMATION / "classical" / "README.md", dict[str, object]()
+    exec(compile(examples(page)[0], "README.md", "exec"), names)
+    table = names["table"]
+    for line in re.findall(r"^\| `(smooth|filtered_least_squares|prediction_error)` \|(.*) m \|$", page.read_text(encoding="utf-8"), re.M):
+        promised = [float(cell) for cell in line[1].split("|")]
+        row = table.loc[line[0]]  # type: ignore[attr-defined]
+        found = [row[name] for name in ("carriage.m", "friction.d", "friction.f_c", "offset.f", "axis_held_out.csv.gz.x.ahead")]
+        assert found == pytest.approx(promised, rel=0.05), line[0]

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
+import casadi as ca
 import numpy as np
 import scipy.optimize
 
@@ -30,6 +31,7 @@ from backsight.models.analysis import OperatingPoint, equilibrium, operating_poi
 from backsight.models.errors import InputError
 
 from ..problem import Problem
+from ..smoothing.rest import NEAR, friction_laws
 from ..wording import listed
 from .linear_predictor import LinearPredictor, differences
 from .result import Baseline, bounds, estimates, prior, require_free
@@ -56,7 +58,8 @@ def zoh_prediction_error(
     require_free(problem, "zoh_prediction_error")
     if noise not in ("forces", "none"):
         raise InputError(f'zoh_prediction_error(noise={noise!r}): the noise is "forces" or "none".')
-    model = LinearPredictor(problem, _working_point(problem, point), with_forces=noise == "forces", room=LOG_ROOM)
+    about = _working_point(problem, point)
+    model = LinearPredictor(problem, about, with_forces=noise == "forces", room=LOG_ROOM)
     mean, information = prior(problem)
     count, total = len(mean), model.unknowns
     lower, upper = np.full(total, -np.inf), np.full(total, np.inf)
@@ -85,7 +88,7 @@ def zoh_prediction_error(
     unknown = done.x
     at_bound = done.active_mask[:count] != 0
     std = np.where(at_bound, np.nan, model.deviations(unknown, upper, information))
-    notes = [f"Linear about {model.described()}; {done.nfev} evaluations.", *model.noise_notes(unknown)]
+    notes = [f"Linear about {model.described()}; {done.nfev} evaluations.", *model.noise_notes(unknown), *_on_friction(problem, about)]
     if noise == "forces" and problem.weights.W:
         notes.append(f"W of {listed(list(problem.weights.W))} was where its estimate began, and not kept.")
     if not done.success:
@@ -99,6 +102,23 @@ def zoh_prediction_error(
         predicted="one step ahead" if noise == "forces" else "simulated",
         notes=tuple(notes),
     )
+
+
+def _on_friction(problem: Problem, about: OperatingPoint) -> list[str]:
+    """A note on every friction law whose rounded sign has a slope at the working point."""
+    dae, found = problem.dae, []
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
+    for law in friction_laws(problem):
+        info = dae.parameters[law.width]
+        velocity = ca.substitute(dae.variables[law.velocity], dae.w, 0) if dae.w.numel() else dae.variables[law.velocity]
+        v = abs(float(ca.Function("velocity", arguments, [velocity])(*about.columns())))
+        if v < NEAR * about.parameters[info.name]:
+            found.append(
+                f"{law.velocity} is {v:.2g} {info.unit} at the working point, where the friction law has the slope of its rounded corner "
+                f"({info.name} = {about.parameters[info.name]:.2g} {info.unit}): the numbers of this friction mean nothing. "
+                "Give a point at which it moves, and recordings that keep to one direction."
+            )
+    return found
 
 
 def _working_point(problem: Problem, given: Mapping[str, float] | None) -> OperatingPoint:

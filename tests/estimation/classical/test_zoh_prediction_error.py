@@ -124,3 +124,15 @@ def test_a_recording_or_a_point_that_does_not_suit_is_refused():
     slow = Problem(model=actuator(), recordings=[run], parameters={"friction.d": Free(100.0)})
     with pytest.raises((SolveError, InputError)):
         zoh_prediction_error(slow, point={"carriage.v": np.nan})
+
+
+def test_friction_at_a_point_where_nothing_moves_is_said_to_mean_nothing():
+    rng = np.random.default_rng(0)
+    time = 0.01 * np.arange(300)
+    u = 300 * np.sign(np.sin(3 * time))
+    v = np.cumsum((u - 200 * np.sin(time)) / 95 * 0.01)
+    run = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": np.cumsum(v) * 0.01 + 1e-6 * rng.normal(size=300)})
+    problem = Problem(model=actuator(), recordings=[run], parameters={"carriage.m": Free(95.0), "friction.d": Free(200.0)})
+    still, moving = (zoh_prediction_error(problem, point={"carriage.v": v}, max_iterations=2).notes for v in (0.0, 0.5))
+    assert any(note.startswith("friction.v_rel is 0 m/s at the working point") for note in still)
+    assert not any("mean nothing" in note for note in moving)
