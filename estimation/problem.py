@@ -196,7 +196,7 @@ class Problem:
 
     def _check_kinds(self) -> None:
         """Whether every argument is of the kind that it should be."""
-        if isinstance(self.recordings, Recording) or not isinstance(self.recordings, Sequence):
+        if isinstance(self.recordings, Recording | Mapping | str) or not isinstance(self.recordings, Iterable):
             raise InputError(f"Problem: recordings is a {type(self.recordings).__name__}; give a list, [recording] even for one.")
         for recording in self.recordings:
             check_kind(recording, Recording, "Problem: one of the recordings", "make them by Recording.read(...) or Recording(...)")
@@ -211,7 +211,7 @@ class Problem:
                 check_number(start, f"initial: {name}", "give a number, or Known(value, std=...)")
         check_mapping(self.bounds, "Problem: bounds", 'give states and pairs, {"mass.s": (0.0, 1.0)} say')
         for name, pair in self.bounds.items():
-            if not (isinstance(pair, Sequence) and len(pair) == 2):
+            if isinstance(pair, str) or np.shape(pair) != (2,):
                 raise InputError(f"bounds: {name} = {pair!r}: needs two numbers, the lower one first.")
             for bound in pair:
                 check_number(bound, f"bounds: {name}", "give two numbers, the lower one first")

@@ -171,7 +171,7 @@ class Solver:
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         near: Solved | None = None
-        by_steps = False
+        by_steps, kept = False, (decisions, multipliers, cost)
         for _ in range(self.options.max_passes):
             here = self.nlp.about(values, start)
             near = near if exact else self._by_steps(here, lower, upper)
@@ -188,7 +188,12 @@ class Solver:
             if progress is not None:
                 progress(f"{'Newton' if exact else 'Gauss-Newton'}: cost {cost:.6g} after {iterations} iterations")
             start, near = decisions.copy(), None
-            if status.converged:
+            if status.converged and sought.dearer(cost):
+                decisions, multipliers, cost = kept
+                start = decisions.copy()
+                start[at] = np.clip(sought.back(here.reference[at]), lower[at], upper[at])
+            elif status.converged:
+                kept = decisions, multipliers, cost
                 if sought.reached(here.reference[at], decisions[at], cost):
                     break
                 start[at] = np.clip(sought.next(), lower[at], upper[at])
@@ -350,15 +355,21 @@ class FixedPoint:
         self._history.append((p, answer - p, cost))
         return not np.any(np.abs(answer - p) > self._drift * np.abs(answer))
 
+    def dearer(self, cost: float) -> bool:
+        """Whether a solve costs far more than the last one that was reported."""
+        return bool(self._history) and cost > DEARER * max(self._history[-1][2], 1.0)
+
+    def back(self, p: Array) -> Array:
+        """What to try instead of p, from where the solve was dear."""
+        before = self._history[-1][0]
+        return np.asarray(before + SHORTEST_SECANT * (p - before))
+
     def next(self) -> Array:
         """Of each parameter the secant of the last two, no shorter than a fifth and no longer than the step from one to the answer."""
-        p, f, cost = self._history[-1]
+        p, f, _ = self._history[-1]
         if len(self._history) == 1:
             return p + f
-        before, f_before, cost_before = self._history[-2]
-        if cost > DEARER * max(cost_before, 1.0):
-            self._history.pop()
-            return np.asarray(before + SHORTEST_SECANT * (p - before))
+        before, f_before, _ = self._history[-2]
         turn = f_before - f
         length = np.divide(p - before, turn, out=np.ones_like(f), where=turn * (p - before) > 0)
         return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)

@@ -22,7 +22,9 @@ Mask = NDArray[np.bool_]
 AHEAD, BEHIND = (1, 2, 3, 4), (-4, -3, -2, -1)
 AROUND = (AHEAD, BEHIND, (-3, -1, 1, 3), (-4, -2, 2, 4), (-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6))
 GROSS = 10.0  # standard deviations of what is usual
-EXTRAPOLATED = 8.4  # root of 1 + 4^2 + 6^2 + 4^2 + 1: times a sample's noise its distance has from the cubic through four on one side
+# A sample less the cubic through four on one side has root(1 + 4^2 + 6^2 + 4^2 + 1) = 8.4 times its noise; four deviations of that count
+# as GROSS.
+EXTRAPOLATED = 3.4
 PASSES = 3  # an outlier may hide its neighbour
 MOST = 0.25  # of the samples: more are no outliers but what the signal is like
 
@@ -52,7 +54,7 @@ def screened(recording: Recording) -> Recording:
 
 
 def _distance(time: Array, y: Array) -> Array:
-    """Least distance of every sample from the cubics ahead, behind and around; zero where there are no neighbours to tell."""
+    """Least distance of every sample from the cubics around it, and of those ahead and behind a share; zero where no neighbours tell."""
     if len(y) < 5:
         return np.zeros(len(y))
     values = np.array([_cubic(time, y, offsets) for offsets in AROUND])

@@ -24,10 +24,11 @@ TOLD = 0.01  # of the prior's variance: what the data say of it at least
 
 
 def contradicted(problem: Problem, solution: Solution) -> list[str]:
-    """A sentence for every prior and every start that the data contradict; problem: the posed one."""
+    """A sentence for every prior and every start that was given and that the data contradict."""
     if solution.curvature is None:
         return []
-    found = [*_priors(problem, solution), *_uncertain_starts(solution), *_exact_starts(solution)]
+    given = set(problem.initial)
+    found = [*_priors(problem.posed, solution), *_uncertain_starts(solution, given), *_exact_starts(solution, given)]
     return [f"{said}: that contradicts the data, or the model lacks something. Values and deviations mislead." for said in found]
 
 
@@ -46,13 +47,17 @@ def _priors(problem: Problem, solution: Solution) -> Iterable[str]:
                 )
 
 
-def _uncertain_starts(solution: Solution) -> Iterable[str]:
+def _uncertain_starts(solution: Solution, given: set[str]) -> Iterable[str]:
     t = solution.transcription
     for number, horizon in enumerate(t.horizons):
         variance = np.diagonal(solution.interval_covariance[t.offsets[number]])
         for i, std in enumerate(horizon.initial_std):
             value = solution.solved.decisions[t.starts[number][i]]
-            if 0 < std < np.inf and (off := _deviations(value - horizon.initial[i], float(std), float(variance[i]))) > SURE:
+            if (
+                t.dae.states[i].name in given
+                and 0 < std < np.inf
+                and (off := _deviations(value - horizon.initial[i], float(std), float(variance[i]))) > SURE
+            ):
                 state = t.dae.states[i]
                 yield (
                     f"{state.name} = {horizon.initial[i]:.6g} ± {std:.2g} {state.unit} was known of the start, and the estimate "
@@ -66,7 +71,7 @@ def _deviations(distance: float, std: float, variance: float) -> float:
     return abs(distance) / float(np.sqrt(room)) if room > TOLD * std**2 else 0.0
 
 
-def _exact_starts(solution: Solution) -> Iterable[str]:
+def _exact_starts(solution: Solution, given: set[str]) -> Iterable[str]:
     t = solution.transcription
     exact = np.array([h.initial_std == 0 for h in t.horizons])
     if not exact.any():
@@ -84,8 +89,8 @@ def _exact_starts(solution: Solution) -> Iterable[str]:
         C, null = free.interval_covariance[here][np.ix_(known, known)], free.interval_null[here][known]
         moves = -C @ slope[t.starts[number][known]]
         for i, move, variance, lost in zip(known, moves, np.diag(C), np.sum(null**2, axis=1), strict=True):
-            if variance > lost and abs(move) > SURE * np.sqrt(variance):
-                state = t.dae.states[i]
+            state = t.dae.states[i]
+            if state.name in given and variance > lost and abs(move) > SURE * np.sqrt(variance):
                 yield (
                     f"{state.name} = {horizon.initial[i]:.6g} {state.unit} was given for the start, and without that it would be "
                     f"{horizon.initial[i] + move:.6g} ± {np.sqrt(variance):.2g}"

@@ -1,7 +1,7 @@
 """Estimated delays of sensors, or of all inputs: where they are expanded is moved to where they are.
 
 An output whose delay is asked for has it as a parameter of the model (`models/augmentation/delay.py`), expanded about a time d_0 by which
-the samples were moved back (`recordings/delay.py`): whole intervals of the recording sampled most quickly, so that rows stay rows where
+the samples were moved back (`recordings/delay.py`): whole intervals of the rows that come most quickly, so that rows stay rows where
 time stamps are even. Its derivatives make the estimate exact enough, with a deviation. Inputs that act late are outputs that all lag:
 everything is then told on the inputs' clock.
 
@@ -13,7 +13,7 @@ edge of its interval, d_0 moves that way, by strides that grow as long as the ev
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,6 @@ from backsight.models.augmentation.delay import INPUTS, delay_name, with_samples
 
 from ..problem import Free, Problem
 from ..recordings.delay import moved
-from ..recordings.gaps import usual_interval
 from ..results import Smoothing
 
 PASSES = 16
@@ -40,18 +39,24 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
     sought = _sought(problem)
     if not sought:
         return problem, smooth(problem)
-    interval = min(usual_interval(r) for r in problem.fitted)
+    interval = min(r.input_sampling for r in problem.fitted)
     farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.recordings) / interval
     guesses = {name: (p.guess if isinstance(p, Free) else p) / interval for name, p in sought.items()}
+    ranges = {name: _range(p, interval) for name, p in sought.items()}
     # an estimate begins in the interval that ends after its guess; what is given stays where it may be
     about = {n: float(np.floor(g) + 1 if isinstance(sought[n], Free) else np.ceil(g - MARGIN)) for n, g in guesses.items()}
+    about = {name: float(np.clip(d, *ranges[name])) for name, d in about.items()}
     posed = _posed(problem, about, guesses, interval)
     result, tried, stride, way = smooth(posed), [about], 1.0, dict.fromkeys(sought, 0.0)
+    growth = GROWTH
     for _ in range(PASSES if _arrived(result) else 0):
-        towards = _edges(result, about, interval)
+        towards = _edges(result, about, sought, interval)
         if any(way[name] * side < 0 for name, side in towards.items()):
-            stride = max(stride / GROWTH**2, 1.0)  # it went too far: back by less than it came, and it has grown since
-        there = {name: d + towards[name] * float(np.round(stride)) for name, d in about.items()}
+            stride, growth = max(map(abs, way.values())) / GROWTH, 1.0  # it went too far: back by less than it came
+        there = _moved(about, towards, stride, ranges)
+        while stride > 1.0 and (there in tried or max(map(abs, there.values())) > farthest):
+            stride, growth = stride / GROWTH, 1.0
+            there = _moved(about, towards, stride, ranges)
         if there in tried or max(map(abs, there.values())) > farthest:
             break
         tried.append(there)
@@ -59,26 +64,43 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
         other = smooth(further)
         if _better(other, result):
             way = {name: there[name] - d for name, d in about.items()}
-            about, posed, result, stride = there, further, other, stride * GROWTH
+            about, posed, result, stride = there, further, other, stride * growth
         elif stride > 1.0:
-            stride = max(stride / GROWTH, 1.0)
+            stride, growth = stride / GROWTH, 1.0
         else:
             break
-    within = not any(_edges(result, about, interval).values())
-    return posed, replace(result, notes=(*result.notes, *_notes(about, interval, within)))
+    open_ends = [name for name, side in _edges(result, about, sought, interval).items() if side]
+    return posed, replace(result, notes=(*result.notes, *_notes(about, interval, open_ends)))
 
 
-def _edges(result: Smoothing, about: Mapping[str, float], interval: float) -> dict[str, float]:
-    """Of every delay: 1 where it ended on the late edge of what is believed about d_0, -1 on the early one, 0 in between."""
-    rest = {name: result.parameters[delay_name(name)].value / interval - d for name, d in about.items()}
-    return {name: float(r > MARGIN - ON_THE_EDGE) - float(r < -1.0 - MARGIN + ON_THE_EDGE) for name, r in rest.items()}
+def _range(given: Free | float, interval: float) -> tuple[float, float]:
+    """Least and largest d_0 [intervals] whose interval has a part within the bounds."""
+    if not isinstance(given, Free):
+        return -np.inf, np.inf
+    return float(np.floor(given.min / interval)) + 1.0, float(np.ceil(given.max / interval))
+
+
+def _moved(
+    about: Mapping[str, float], towards: Mapping[str, float], stride: float, ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, float]:
+    """d_0 [intervals] a stride further, of at least one, within the ranges."""
+    step = max(float(np.round(stride)), 1.0)
+    return {name: float(np.clip(d + step * towards[name], *ranges[name])) for name, d in about.items()}
+
+
+def _edges(result: Smoothing, about: Mapping[str, float], sought: Mapping[str, Free | float], interval: float) -> dict[str, float]:
+    """Of every delay: 1 where its estimate ended on the late edge of what is believed about d_0, -1 on the early one, 0 in between."""
+    rest = {name: result.parameters[delay_name(name)].value / interval - d for name, d in about.items() if isinstance(sought[name], Free)}
+    sides = {name: float(r > MARGIN - ON_THE_EDGE) - float(r < -1.0 - MARGIN + ON_THE_EDGE) for name, r in rest.items()}
+    return {name: sides.get(name, 0.0) for name in about}
 
 
 def _sought(problem: Problem) -> dict[str, Free | float]:
-    """Delayed output, or INPUTS -> its delay, estimated or given; one that varies has no one place to be expanded about."""
+    """Delayed output, or INPUTS -> its delay, estimated or given; what has its place already, or varies and has no one place, is none."""
     names = (INPUTS, *(q.name for q in problem.dae.outputs))
     delays = {name: problem.parameters[delay_name(name)] for name in names if delay_name(name) in problem.parameters}
-    return {name: p for name, p in delays.items() if not (isinstance(p, Free) and p.varies)}
+    placed = problem.recordings[0].advanced
+    return {name: p for name, p in delays.items() if (not p.varies if isinstance(p, Free) else name not in placed)}
 
 
 def _arrived(result: Smoothing) -> bool:
@@ -90,8 +112,10 @@ def _better(one: Smoothing, other: Smoothing) -> bool:
     """Whether it has more evidence by the sample, as samples that are moved beyond the start are lost; so where nobody can tell."""
     if not _arrived(one):
         return False
-    if one.criteria is None or other.criteria is None or one.criteria.log_evidence is None or other.criteria.log_evidence is None:
+    if other.criteria is None or other.criteria.log_evidence is None:
         return True
+    if one.criteria is None or one.criteria.log_evidence is None:
+        return False
     return one.criteria.log_evidence / one.criteria.samples >= other.criteria.log_evidence / other.criteria.samples
 
 
@@ -118,16 +142,16 @@ def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, 
     return replace(asked, model=dae, parameters=parameters, recordings=recordings)
 
 
-def _notes(about: Mapping[str, float], interval: float, within: bool) -> list[str]:
-    """What a reader should know of how the delays came out; within: whether they are where they were expanded."""
+def _notes(about: Mapping[str, float], interval: float, open_ends: Sequence[str]) -> list[str]:
+    """What a reader should know of how the delays came out; open_ends: of those that are not where they were expanded."""
     notes = [
-        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, near the delay that was estimated."
+        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, near the delay, of which the rest is in the equations."
         for name, d in about.items()
         if d != 0.0
     ]
-    if not within:
-        names = ", ".join(f'"{delay_name(name)}"' for name in about)
-        what = f"the delay of {' and '.join(map(_of, about))}"
+    if open_ends:
+        names = ", ".join(f'"{delay_name(name)}"' for name in open_ends)
+        what = f"the delay of {' and '.join(map(_of, open_ends))}"
         notes.append(f"No settled value was found for {what}: give it as a number, or bounds by the parameter {names}.")
     return notes
 

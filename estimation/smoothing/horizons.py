@@ -33,21 +33,23 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
         given = {name: problem.weights.noise(name, recording.name) or recording.output_std.get(name) for name in recording.outputs}
         chosen.append({name for name, std in given.items() if std is None})
         own = whole[recording.name]
-        for name in chosen[-1]:
-            _check_varies(own, name, supposed.get(name))
         tables.append({name: float(std or noise(own.time, own.outputs[name], supposed.get(name)).std) for name, std in given.items()})
     return tables, chosen
 
 
-def _check_varies(recording: Recording, output: str, supposed: float | None) -> None:
-    """Raise InputError where neither the samples nor the model say anything of a noise that nobody gave."""
-    y = recording.outputs[output]
-    known = y[np.isfinite(y)]
-    if supposed is None and known.size and np.ptp(known) == 0.0:
-        raise InputError(
-            f"{recording.name}: output {output} is {known[0]:g} in all its samples, which say nothing of its noise; "
-            "give its std, or leave it out"
-        )
+def check_varies(problem: Problem) -> None:
+    """Raise InputError where neither the fitted samples of an output nor the model say anything of a noise that nobody gave."""
+    for q in problem.dae.outputs:
+        those = [r for r in problem.recordings if r.role == "fit" and q.name in r.outputs]
+        if not those or q.noise_std is not None or any(problem.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in those):
+            continue
+        known = [y[np.isfinite(y)] for y in (r.outputs[q.name] for r in those)]
+        if max(y.size for y in known) > 1 and all(y.size == 0 or np.ptp(y) == 0.0 for y in known):
+            value = next(y[0] for y in known if y.size)
+            raise InputError(
+                f"{those[0].name}: output {q.name} is {value:g} in all its samples, which say nothing of its noise; "
+                "give its std, or leave it out"
+            )
 
 
 def shown_noise(problem: Problem) -> Array:

@@ -28,6 +28,8 @@ from .unseen import unseen_states
 if TYPE_CHECKING:
     from .outcome import Run
 
+Errors = Mapping[str, Mapping[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]]
+
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
@@ -35,9 +37,9 @@ FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a 
 
 
 def notes(
-    problem: Problem, run: Run, fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, ResidualSummary]
+    problem: Problem, run: Run, fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, ResidualSummary], errors: Errors
 ) -> tuple[str, ...]:
-    """Notes on a run, a sentence or two each."""
+    """Notes on a run, a sentence or two each. errors: recording -> output -> standardised prediction errors (n,)."""
     return (
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_the_start(problem.plain, run),
@@ -46,9 +48,9 @@ def notes(
         *_on_the_answer(problem.posed, run),
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
-        *outlier_notes(problem, run.choice.solution),
+        *outlier_notes(problem, run.choice.solution, errors),
         *contradictions(problem, run),
-        *contradicted(problem.posed, run.choice.solution),
+        *contradicted(problem, run.choice.solution),
         *on_errors(fit),
         *on_residuals(residuals, nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),

@@ -91,7 +91,7 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
             variables=t.nlp.size,
         ),
         residual_places=residuals,
-        notes=notes(problem, run, fit, residuals),
+        notes=notes(problem, run, fit, residuals, validation.errors),
         correlation=_correlation(problem.posed, solution, parameters),
         criteria=validation.criteria,
         solution=solution,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,16 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 NAMED = 3  # of the farthest samples
 
 
-def outlier_notes(problem: Problem, solution: Solution) -> list[str]:
-    """For every output whose loss is not the square a sentence: how many samples lie far off, and which the farthest."""
+def outlier_notes(problem: Problem, solution: Solution, errors: Mapping[str, Mapping[str, Array]]) -> list[str]:
+    """For every output whose loss is not the square a sentence: how many samples lie far off, and which the farthest.
+
+    For others where gross outliers are squared. errors: recording -> output -> standardised prediction errors (n,).
+    """
     found = []
     for i, q in enumerate(problem.dae.outputs):
         asked = {r.output_loss.get(q.name, "square") for r in problem.fitted} - {"square"}
         if not asked:
-            found += _taken_as_they_are(problem, q.name)
+            found += _taken_as_they_are(problem, q.name, errors)
             continue
         if not (isinstance(solution, RobustSolution) and solution.huber[i].any()):
             found.append(f"Loss of {q.name}: squares, for the tails of its residuals are no heavier than Gaussian ones.")
@@ -48,9 +51,15 @@ def outlier_notes(problem: Problem, solution: Solution) -> list[str]:
     return found
 
 
-def _taken_as_they_are(problem: Problem, output: str) -> list[str]:
-    """A note where gross outliers of an output are squared."""
-    off = np.concatenate([_outlying(r, output) for r in problem.fitted])
+def _taken_as_they_are(problem: Problem, output: str, errors: Mapping[str, Mapping[str, Array]]) -> list[str]:
+    """A note where samples of an output stand far off their neighbours, the model does not expect them, and they are squared."""
+    done, parts = dict[str, int](), list[Mask]()
+    for r in problem.fitted:
+        first = done.get(r.name, 0)
+        done[r.name] = first + len(r.time)
+        told = errors.get(r.name, {}).get(output, np.empty(0))[first : first + len(r.time)]
+        parts.append(_outlying(r, output) & (np.abs(told) > FAR if len(told) == len(r.time) else True))
+    off = np.concatenate(parts)
     if not off.any():
         return []
     count, where = int(off.sum()), _times(problem, np.flatnonzero(off)[:NAMED])

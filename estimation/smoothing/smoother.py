@@ -25,7 +25,7 @@ from .along import RIGID, exact_forces
 from .approach import TIGHTEST, approach
 from .begun import Begun, followed_by
 from .delays import settled
-from .horizons import output_stds, shown_noise
+from .horizons import check_varies, output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
 from .mesh_error import Checked, refine
@@ -62,6 +62,8 @@ def smooth(
     """
 
     check_kind(problem, Problem, "smooth(...): the problem", "write smooth(Problem(model=..., recordings=[...]))")
+    if settings is None:  # a smoothing that somebody asks for, and not a part of one
+        check_varies(problem)
     settings, say = settings or Settings(), progress or (lambda _: None)
     if settings.seconds < math.inf:
         settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from examples import oscillator
 
@@ -244,3 +245,14 @@ def test_an_output_that_never_changes_says_nothing_of_its_noise():
     still = replace(RECORDING, outputs={"x": np.zeros(4)})
     with pytest.raises(InputError, match="run: output x is 0 in all its samples, which say nothing of its noise; give its std"):
         smooth(problem(recordings=[still]))
+
+
+@pytest.mark.parametrize("number", [np.float32(2.0), np.int64(2), np.array(2.0), 2])
+def test_numbers_of_numpy_and_pairs_and_series_are_as_good(number):
+    one = problem(
+        parameters={"mass.m": Free(number), "spring.k": number},
+        weights=Weights(W=pd.Series({"mass": 1.0})),
+        bounds={"mass.s": np.array([0.0, 9.0])},
+        recordings={"a": RECORDING}.values(),
+    )
+    assert one.values[[p.name for p in one.dae.parameters].index("mass.m")] == 2.0

@@ -150,6 +150,9 @@ def test_a_step_to_where_the_answers_are_no_good_is_taken_back():
         good = p > 1.9  # below, the program falls into another basin, far off and dear
         answer, cost = (truth - 2.0 * (p - truth), 100.0) if good else (np.array([50.0]), 1e8)
         costs.append(cost)
+        if sought.dearer(cost):
+            p = sought.back(p)
+            continue
         if sought.reached(p, answer, cost):
             break
         p = sought.next()
