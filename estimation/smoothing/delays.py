@@ -9,6 +9,7 @@ A sample that was moved by d_0 saw the machine d_0 - d later than its row. The s
 and residual forces, so it holds from there to the next row: d is sought within the interval that ends at d_0. Elsewhere the acceleration
 at a row would be one that the sample cannot have seen, a freedom to explain noise with, the more so the further off. Where d ends on an
 edge of its interval, d_0 moves that way, by strides that grow as long as the evidence per sample does and shrink where they went too far.
+In the end the samples are moved by d itself, between the rows, so that the estimate hangs on no series; its deviation does.
 """
 
 from __future__ import annotations
@@ -70,6 +71,13 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
         else:
             break
     open_ends = [name for name, side in _edges(result, about, sought, interval).items() if side]
+    if _arrived(result) and not open_ends:
+        # once more about the delays themselves, where nothing is left of the series
+        there = {name: result.parameters[delay_name(name)].value / interval for name in about}
+        further = _posed(problem, there, there, interval)
+        other = smooth(further)
+        if _arrived(other) and not any(_edges(other, there, sought, interval).values()):
+            about, posed, result = there, further, other
     return posed, replace(result, notes=(*result.notes, *_notes(about, interval, open_ends)))
 
 
@@ -145,7 +153,7 @@ def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, 
 def _notes(about: Mapping[str, float], interval: float, open_ends: Sequence[str]) -> list[str]:
     """What a reader should know of how the delays came out; open_ends: of those that are not where they were expanded."""
     notes = [
-        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, near the delay, of which the rest is in the equations."
+        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, the delay that was found."
         for name, d in about.items()
         if d != 0.0
     ]

@@ -18,6 +18,7 @@ from .robust import CORNER, FAR, RobustSolution
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 NAMED = 3  # of the farthest samples
+UNEXPECTED = 8.0  # deviations of a prediction error that no motion of the model leads to
 
 
 def outlier_notes(problem: Problem, solution: Solution, errors: Mapping[str, Mapping[str, Array]]) -> list[str]:
@@ -58,7 +59,7 @@ def _taken_as_they_are(problem: Problem, output: str, errors: Mapping[str, Mappi
         first = done.get(r.name, 0)
         done[r.name] = first + len(r.time)
         told = errors.get(r.name, {}).get(output, np.empty(0))[first : first + len(r.time)]
-        parts.append(_outlying(r, output) & (np.abs(told) > FAR if len(told) == len(r.time) else True))
+        parts.append(_outlying(r, output) & (np.abs(told) > UNEXPECTED if len(told) == len(r.time) else True))
     off = np.concatenate(parts)
     if not off.any():
         return []
