@@ -110,7 +110,7 @@ def _on_friction(problem: Problem, about: OperatingPoint) -> list[str]:
     arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
     for law in friction_laws(problem):
         info = dae.parameters[law.width]
-        velocity = ca.substitute(dae.variables[law.velocity], dae.w, 0) if dae.w.numel() else dae.variables[law.velocity]
+        velocity = dae.undisturbed(dae.variables[law.velocity])
         v = abs(float(ca.Function("velocity", arguments, [velocity])(*about.columns())))
         if v < NEAR * about.parameters[info.name]:
             found.append(

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from backsight.ocp import Solution
-from backsight.ocp.curvature import curvature
+from backsight.ocp.curvature import Curvature, curvature
 from backsight.ocp.evaluated import Linearised
 
 from ..problem import Free, Problem
@@ -28,14 +28,13 @@ def contradicted(problem: Problem, solution: Solution) -> list[str]:
     if solution.curvature is None:
         return []
     given = set(problem.initial)
-    found = [*_priors(problem.posed, solution), *_uncertain_starts(solution, given), *_exact_starts(solution, given)]
+    found = [*_priors(problem.posed, solution, solution.curvature), *_uncertain_starts(solution, given), *_exact_starts(solution, given)]
     return [f"{said}: that contradicts the data, or the model lacks something. Values and deviations mislead." for said in found]
 
 
-def _priors(problem: Problem, solution: Solution) -> Iterable[str]:
-    assert solution.curvature is not None
+def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[str]:
     values = solution.parameters
-    for index, variance in zip(problem.free, solution.curvature.parameter_variance, strict=True):
+    for index, variance in zip(problem.free, known.parameter_variance, strict=True):
         info = problem.dae.parameters[index]
         given = problem.parameters[info.name]
         if isinstance(given, Free) and given.std is not None:
@@ -73,11 +72,10 @@ def _deviations(distance: float, std: float, variance: float) -> float:
 
 def _exact_starts(solution: Solution, given: set[str]) -> Iterable[str]:
     t = solution.transcription
-    exact = np.array([h.initial_std == 0 for h in t.horizons])
+    exact = np.array([h.initial_std == 0 for h in t.horizons]) & [q.name in given for q in t.dae.states]
     if not exact.any():
         return
-    on_bound = np.array(solution.solved.on_bound, dtype=np.int64)
-    held = np.setdiff1d(on_bound, t.starts[exact])
+    held = np.setdiff1d(solution.held, t.starts[exact])
     try:
         free = curvature(t.nlp, *solution.solver.kkt(solution.solved.decisions, solution.values), solution.values.unit, held)
     except np.linalg.LinAlgError:
@@ -90,7 +88,7 @@ def _exact_starts(solution: Solution, given: set[str]) -> Iterable[str]:
         moves = -C @ slope[t.starts[number][known]]
         for i, move, variance, lost in zip(known, moves, np.diag(C), np.sum(null**2, axis=1), strict=True):
             state = t.dae.states[i]
-            if state.name in given and variance > lost and abs(move) > SURE * np.sqrt(variance):
+            if variance > lost and abs(move) > SURE * np.sqrt(variance):
                 yield (
                     f"{state.name} = {horizon.initial[i]:.6g} {state.unit} was given for the start, and without that it would be "
                     f"{horizon.initial[i] + move:.6g} ± {np.sqrt(variance):.2g}"

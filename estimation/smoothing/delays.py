@@ -44,8 +44,8 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
     farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.recordings) / interval
     guesses = {name: (p.guess if isinstance(p, Free) else p) / interval for name, p in sought.items()}
     ranges = {name: _range(p, interval) for name, p in sought.items()}
-    # an estimate begins in the interval that ends after its guess; what is given stays where it may be
-    about = {n: float(np.floor(g) + 1 if isinstance(sought[n], Free) else np.ceil(g - MARGIN)) for n, g in guesses.items()}
+    # an estimate begins in the interval that ends after its guess; what is given needs no series
+    about = {n: float(np.floor(g)) + 1.0 if isinstance(sought[n], Free) else g for n, g in guesses.items()}
     about = {name: float(np.clip(d, *ranges[name])) for name, d in about.items()}
     posed = _posed(problem, about, guesses, interval)
     result, tried, stride, way = smooth(posed), [about], 1.0, dict.fromkeys(sought, 0.0)
@@ -71,9 +71,9 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
         else:
             break
     open_ends = [name for name, side in _edges(result, about, sought, interval).items() if side]
-    if _arrived(result) and not open_ends:
+    there = {name: result.parameters[delay_name(name)].value / interval for name in about}
+    if _arrived(result) and not open_ends and there != about:
         # once more about the delays themselves, where nothing is left of the series
-        there = {name: result.parameters[delay_name(name)].value / interval for name in about}
         further = _posed(problem, there, there, interval)
         other = smooth(further)
         if _arrived(other) and not any(_edges(other, there, sought, interval).values()):
