@@ -8,10 +8,8 @@ The inverse of the KKT matrix of the Gauss-Newton program,
 with d = 0 for a constraint. A square of the cost that may be as heavy as one has its row in J too, in units in which J is of order one,
 and d = 1 over its weight there: squared and summed, it would leave nothing of the light ones.
 
-The matrix is block-tridiagonal in time with a border. Block k holds the interior of interval k, x(t_(k+1)) and the multipliers of the
-interval's rows of J, which determine them from x(t_k): no block is singular, and elimination runs with time, in which a plant forgets. The
-first knot of every horizon, the multipliers of what must hold there, and the parameters form the border.
-With H_cc the part of the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X:
+The matrix is block-tridiagonal in time, with a border b of the first knots, the multipliers of what must hold there, and the parameters
+(`bordered.py`): with c what is in the blocks, X = H_cc^-1 H_cb and S = H_bb - H_bc X,
 
     C_bb = S^-1,    C_cc = H_cc^-1 + X C_bb X',    C_cb = -X C_bb
 
@@ -38,7 +36,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .blocktridiagonal import BlockTridiagonal, factor, times
+from .blocktridiagonal import BlockTridiagonal, times
+from .bordered import Bordered, Places, bordered
 from .nlp import Nlp
 from .polynomials import Array
 
@@ -48,8 +47,6 @@ Index = NDArray[np.int64]
 # thousand intervals and nearly exact balances) and commonly above 1e-6.
 EPS = float(np.finfo(np.float64).eps)
 ROUNDING = 2.0**6 * EPS
-# Each halves the decades by which the largest entries of rows differ.
-SWEEPS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,85 +84,25 @@ def determined_variance(variance: Array, null: Array) -> Array:
     return np.where(np.sum(null**2, axis=-1) > variance, np.inf, variance)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Places:
-    """Where every unknown and multiplier stands: block (-1 in the border) and place there. Shapes (n + np + constraints,).
-
-    starts (H,): intervals that open a horizon; count, size of the blocks; border: its size, the parameters last.
-    """
-
-    block: Index
-    place: Index
-    starts: Index
-    count: int
-    size: int
-    border: int
-
-
-def arrange(nlp: Nlp) -> Places:
-    """The places of all unknowns, in the order trajectory, parameters, multipliers of constraints and heavy terms."""
-    ip, index = nlp.interpolation, nlp.index
-    nx, own, intervals, n, free = ip.states, ip.interior + ip.states, index.shape[1], nlp.trajectory_size, len(nlp.free)
-    starts = np.flatnonzero(np.insert(index[0, 1:] != index[own, :-1], 0, True))
-    block, place = np.full(nlp.size, -1, dtype=np.int64), np.empty(nlp.size, dtype=np.int64)
-    block[index[nx:]], place[index[nx:]] = np.arange(intervals), np.arange(own)[:, None]
-    place[index[:nx, starts].T.ravel()] = np.arange(nx * len(starts))
-    used, edge = np.full(intervals, own), nx * len(starts)
-    blocks, places = [block], [place]
-    for term in nlp.terms:
-        if term.equality and term.nodes is None:
-            # what must hold at single places is said of the start
-            blocks.append(np.full(term.target.size, -1))
-            places.append(edge + np.arange(term.target.size))
-            edge += term.target.size
-        elif term.equality or term.heavy:
-            m = term.target.shape[0]
-            blocks.append(np.repeat(term.interval, m))
-            places.append((used[term.interval][:, None] + np.arange(m)).ravel())
-            used[term.interval] += m
-    place[n:] = edge + np.arange(free)
-    return Places(
-        block=np.concatenate(blocks), place=np.concatenate(places), starts=starts, count=intervals, size=int(used.max()), border=edge + free
-    )
-
-
 def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softness: Array, unit: Array, known: Index) -> Curvature:
     """Covariances from H (its upper triangle), J and d = softness (rows of J,) in units `unit`; `known` decisions are fixed.
 
     Raises numpy.linalg.LinAlgError when the first states and the parameters together do not determine the rest.
     """
-    at, n = arrange(nlp), nlp.trajectory_size
-    upper, J = hessian.tocoo(), jacobian.tocoo()
-    soft = np.flatnonzero(softness)
-    rows = np.concatenate([upper.row, nlp.size + J.row, nlp.size + soft])
-    columns = np.concatenate([upper.col, J.col, nlp.size + soft])
-    values = np.concatenate([upper.data, J.data, -softness[soft]])
-    fixed = np.zeros(len(at.block), dtype=bool)
-    fixed[known] = True
-    keep = ~(fixed[rows] | fixed[columns])
-    rows, columns, values = rows[keep], columns[keep], values[keep]
-    size = _equilibrated(rows, columns, values, len(fixed))
+    matrix, n = bordered(nlp, hessian, jacobian, softness, known), nlp.trajectory_size
+    at, size, diagonal, tree, idle, gone = matrix.at, matrix.size, matrix.diagonal, matrix.tree, matrix.idle, matrix.gone
+    X, S = matrix.eliminated
     unit = unit * size[: nlp.size]
-    diagonal, lower, border, corner = _dense(at, rows, columns, values * size[rows] * size[columns])
-    idle = np.ones((at.count, at.size), dtype=bool)
-    inside = (at.block >= 0) & ~fixed
-    idle[at.block[inside], at.place[inside]] = False
     own = nlp.interpolation.interior + nlp.interpolation.states
-    weight = np.abs(np.einsum("kii->ki", diagonal))
+    weight = np.where(idle, 0.0, np.abs(np.einsum("kii->ki", diagonal)))
     weight[:, :own] = np.maximum(weight[:, :own], EPS)
-    k, i = np.nonzero(idle)
-    diagonal[k, i, i] = 1.0
-    gone = at.place[fixed & (at.block < 0)]
-    corner[gone, gone] = 1.0
-    tree = factor(diagonal, lower)
-    X, S = _eliminated(tree, diagonal, lower, border, corner)
-    reach = np.abs(X) + _slack(tree, diagonal, lower, border, X, own)
+    reach = np.abs(X) + _slack(matrix, X, own)
     # The blocks are determined by the border whatever the data; their own inertia is that of a sum of squares, and counting the
     # signs of their pivots would only count rounding. What the data must determine is the border: its inertia is that of a minimum when
     # every multiplier there brings one negative eigenvalue, but those of redundant constraints, which are null directions themselves.
     edge = nlp.interpolation.states * len(at.starts)
     multipliers = slice(edge, at.border - len(nlp.free))
-    D = _units(S, np.abs(np.diag(corner)) + np.einsum("kb,kbi->i", weight, reach**2), multipliers)
+    D = _units(S, np.abs(np.diag(matrix.corner)) + np.einsum("kb,kbi->i", weight, reach**2), multipliers)
     e, Q = np.linalg.eigh(S / np.outer(D, D))
     lost = np.abs(e) < ROUNDING
     N, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
@@ -184,45 +121,22 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
         parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
         interval_covariance=_local_covariances(nlp, at, tree, rows, C, idle) * scale[:, :, None] * scale[:, None, :],
         log_determinant=tree.log_abs_determinant
-        + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D)) - 2.0 * np.sum(np.log(size)) - np.sum(np.log(softness[soft]))),
+        + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D)) - 2.0 * np.sum(np.log(size)) - np.sum(np.log(softness[softness != 0]))),
         null=np.concatenate([N[:edge], N[at.border - len(theta) :]]).T * first,
         interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(ROUNDING),
         definite=definite,
     )
 
 
-def _equilibrated(rows: Index, columns: Index, values: Array, count: int) -> Array:
-    """Units (count,), powers of two, in which every row of the symmetric matrix has its largest entry near one (Ruiz, RAL-TR-2001-034)."""
-    size = np.ones(count)
-    for _ in range(SWEEPS):
-        entry, largest = np.abs(values) * size[rows] * size[columns], np.zeros(count)
-        np.maximum.at(largest, rows, entry)
-        np.maximum.at(largest, columns, entry)
-        size /= np.sqrt(np.where(largest > 0, largest, 1.0))
-    return np.exp2(np.round(np.log2(size)))
-
-
-def _eliminated(tree: BlockTridiagonal, diagonal: Array, lower: Array, border: Array, corner: Array) -> tuple[Array, Array]:
-    """X and S, one step of refinement each: their errors are then those of rounded entries (Skeel, Math. Comp. 35, 1980).
-
-    With a residual R = H_cb - H_cc X, H_bc H_cc^-1 H_cb = H_bc X + (X + H_cc^-1 R)' R exactly.
-    """
-    X = tree.solve(border)
-    R = border - times(diagonal, lower, X)
-    better = X + tree.solve(R)
-    S = corner - np.einsum("kbi,kbj->ij", border, X) - np.einsum("kbi,kbj->ij", better, R)
-    return better, (S + S.T) / 2
-
-
-def _slack(tree: BlockTridiagonal, diagonal: Array, lower: Array, border: Array, X: Array, own: int) -> Array:
+def _slack(matrix: Bordered, X: Array, own: int) -> Array:
     """How far everything moves, in units of eps, when the sums that the constraints cancel are rounded; as X.
 
     Signs of rounding are drawn, the same ones at every call, so that no regular pattern of a plant cancels them.
     """
-    sums = times(np.abs(diagonal), np.abs(lower), np.abs(X)) + np.abs(border)
+    sums = times(np.abs(matrix.diagonal), np.abs(matrix.lower), np.abs(X)) + np.abs(matrix.edge)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=sums.shape[:2])
     signs[:, :own] = 0.0
-    return np.abs(tree.solve(signs[:, :, None] * sums))
+    return np.abs(matrix.tree.solve(signs[:, :, None] * sums))
 
 
 def _units(S: Array, summed: Array, multipliers: slice) -> Array:
@@ -233,26 +147,6 @@ def _units(S: Array, summed: Array, multipliers: slice) -> Array:
     unknown &= D > 0
     D[multipliers] = np.maximum(D[multipliers], np.max(np.abs(S[multipliers][:, unknown]) / D[unknown], axis=1, initial=0.0))
     return np.where(D > 0, D, 1.0)
-
-
-def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
-    """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle, each of them once."""
-    b = at.size
-    diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, b))
-    border, corner = np.zeros((at.count, b, at.border)), np.zeros((at.border, at.border))
-    mirrored = rows != columns
-    r, c = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
-    v = np.concatenate([values, values[mirrored]])
-    kr, kc, ir, ic = at.block[r], at.block[c], at.place[r], at.place[c]
-    inner = (kr >= 0) & (kc >= 0)
-    for target, where, indices in (
-        (diagonal, inner & (kr == kc), (kr, ir, ic)),
-        (lower, inner & (kr == kc + 1), (kc, ir, ic)),
-        (border, (kr >= 0) & (kc < 0), (kr, ir, ic)),
-        (corner, (kr < 0) & (kc < 0), (ir, ic)),
-    ):
-        target[tuple(i[where] for i in indices)] = v[where]
-    return diagonal, lower, border, corner
 
 
 def _rows(nlp: Nlp, at: Places, X: Array, idle: NDArray[np.bool_]) -> Array:

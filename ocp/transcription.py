@@ -77,6 +77,21 @@ class Transcription:
         )
         return replace(values, scale=scale)
 
+    def with_prior(self, values: Values, prior: ParameterPrior) -> tuple[Transcription, Values]:
+        """The program with a further prior beside those that it has, and these of its numbers with that."""
+        pieces = Pieces(self.dae, self.nlp.interpolation, self.horizons, self.offsets, self.soft)
+        terms = [replace(term, name="further prior") for term in _prior(pieces, self.nlp.free, prior)]
+        nlp = replace(self.nlp, terms=(*self.nlp.terms, *terms))
+        own, count = nlp.values(values.parameters), len(self.nlp.terms)
+        joined = replace(
+            values,
+            data=(*values.data, *own.data[count:]),
+            target=(*values.target, *own.target[count:]),
+            scale=(*values.scale, *own.scale[count:]),
+            base=(*values.base, *own.base[count:]),
+        )
+        return replace(self, nlp=nlp), nlp.about(joined, values.reference)
+
     @property
     def starts(self) -> NDArray[np.int64]:
         """Decision indices of x at the start of every horizon, shape (H, nx)."""

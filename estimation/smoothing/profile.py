@@ -4,7 +4,9 @@
 
 (Venzon & Moolgavkar, Appl. Statist. 37, 1988; Raue et al., Bioinformatics 25, 2009). Unlike value +- 1.96 std it needs no linear
 model: it follows the likelihood, is as lopsided as that, and stays open on a side where the data never object. Weights and mesh are those
-of the result, and so is the inertia that the trajectories' density is measured with (`ocp/pieces.py`).
+of the result, and so is the inertia that the trajectories' density is measured with (`ocp/pieces.py`). Where the result is that of most
+marginal likelihood (`marginal.py`), the cost is that likelihood's: with g the slope of its determinants, what is solved has -g'p in it, and
+D gets what g changes by on the way.
 
 The signed root z = sqrt(2 D) is a straight line for a linear model, so steps are taken and the level is sought in it.
 """
@@ -22,6 +24,7 @@ from backsight.ocp.scaling import scaled
 
 from ..problem import Problem
 from ..results import Profile, Smoothing
+from .marginal import slope_of_determinants, tilted
 from .program import decision_bounds
 from .smoother import smooth
 
@@ -49,14 +52,15 @@ def profile(
     if points < 2:
         raise InputError(f"profile(points={points}): a side has at least 2 points; leave it out for 6.")
     result = smooth(problem, progress=progress) if result is None else result
-    solution = result.solution
-    if solution is None or not result.solver.converged:
+    if result.solution is None or not result.solver.converged:
         raise InputError(f"profile: this result has no solution to go on from ({result.solver.status.rstrip('.')}); smooth the study anew.")
     check_names(problem, names)
+    solution = tilted(result.solution)
+    slope = None if solution is result.solution else slope_of_determinants(solution)
     t = solution.transcription
     free = [t.dae.parameters[i].name for i in t.nlp.free]
     lower, upper = decision_bounds(problem.posed, t)
-    around = _Around.of(solution, lower, upper)
+    around = _Around.of(solution, lower, upper, slope)
     found = {}
     for name in names:
         place = t.nlp.trajectory_size + free.index(name)
@@ -76,7 +80,10 @@ def check_names(problem: Problem, names: Sequence[str]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Around:
-    """The program at its optimum: decisions, cost, bounds. Every solve has the optimum's parameters for the density of trajectories."""
+    """The program at its optimum: decisions, cost, bounds. Every solve has the optimum's parameters for the density of trajectories.
+
+    slope (np,): of the determinants there, None where the optimum is of most probability together with a trajectory.
+    """
 
     solution: Solution
     solver: Solver
@@ -84,12 +91,14 @@ class _Around:
     cost: float
     lower: Array
     upper: Array
+    slope: Array | None
 
     @classmethod
-    def of(cls, solution: Solution, lower: Array, upper: Array) -> _Around:
+    def of(cls, solution: Solution, lower: Array, upper: Array, slope: Array | None) -> _Around:
         # one pass: a second would measure the density with other parameters, whose costs do not compare
         solver = Solver(solution.solver.nlp, replace(solution.solver.options, drift=np.inf))
-        here = cls(solution=solution, solver=solver, decisions=solution.solved.decisions, cost=np.nan, lower=lower, upper=upper)
+        start = solution.solved.decisions
+        here = cls(solution=solution, solver=solver, decisions=start, cost=np.nan, lower=lower, upper=upper, slope=slope)
         cost, decisions = here.solved(here.decisions, lower, upper)
         return replace(here, cost=cost, decisions=decisions) if np.isfinite(cost) else replace(here, cost=solution.solved.cost)
 
@@ -116,7 +125,15 @@ class _Around:
         lower, upper = self.lower.copy(), self.upper.copy()
         lower[place] = upper[place] = value
         cost, decisions = self.solved(start, lower, upper)
-        return cost - self.cost, decisions
+        return cost - self.cost - self._bent(decisions), decisions
+
+    def _bent(self, decisions: Array) -> float:
+        """What the slope's change adds on the way to these decisions, by the trapezoidal rule; NaN where nobody knows."""
+        if self.slope is None or not np.all(np.isfinite(decisions)):
+            return 0.0
+        there = slope_of_determinants(replace(self.solution, solved=replace(self.solution.solved, decisions=decisions, on_bound=())))
+        n = self.solution.transcription.nlp.trajectory_size
+        return np.nan if there is None else float((there - self.slope) @ (decisions - self.decisions)[n:]) / 2.0
 
 
 def _profile(around: _Around, place: int, name: str, unit: str, std: float | None, points: int) -> Profile:

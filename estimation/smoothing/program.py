@@ -21,7 +21,7 @@ from ..supposed import input_spread
 from .initial_guess import start_decisions
 from .meshing import FINEST
 from .rest import FrictionLaw, open_at_rest, with_room
-from .robust import Losses, solve_robustly
+from .robust import Losses, RobustSolution, solve_robustly
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -34,7 +34,8 @@ class Settings:
     least that is chosen, in sampling intervals. check_mesh:
     whether its error is measured, and mended by a finer one; without, states are as good as weights ask for and nothing is known of the
     error. hasty: weights from the data move on before a solve has ended. weigh: whether weights that nobody gave come from the data;
-    without, residual forces have the share of their balances' forces that the start has found. seconds: after which `OutOfTime` is raised.
+    without, residual forces have the share of their balances' forces that the start has found. marginal: whether parameters are those of
+    most marginal likelihood in the end, not those most probable together with a trajectory. seconds: after which `OutOfTime` is raised.
     options: of the solver.
     """
 
@@ -45,6 +46,7 @@ class Settings:
     check_mesh: bool = True
     hasty: bool = False
     weigh: bool = True
+    marginal: bool = True
     seconds: float = math.inf
     options: Options = field(default_factory=Options)
 
@@ -65,6 +67,29 @@ class Program:
     upper: Array
     at_rest: Array
     losses: Losses | None = None
+
+    @classmethod
+    def at(cls, problem: Problem, solution: Solution) -> Program:
+        """The program of a solution of this problem, with its numbers, started where it ended."""
+        t = solution.transcription
+        lower, upper = decision_bounds(problem, t)
+        return cls(
+            transcription=t,
+            solver=solution.solver,
+            values=solution.unweighted if isinstance(solution, RobustSolution) else solution.values,
+            start=solution.solved.decisions,
+            lower=lower,
+            upper=upper,
+            at_rest=np.zeros((len(t.soft), len(t.nlp.steps))),
+            losses=Losses.of(problem),
+        )
+
+    def resumed(self, solution: Solution) -> Program:
+        """The same with the numbers of one of its solutions, its losses among them, started where that ended."""
+        if not isinstance(solution, RobustSolution):
+            return replace(self, values=solution.values, start=solution.solved.decisions, losses=None)
+        losses = Losses(huber=solution.huber, auto=np.zeros_like(solution.huber))
+        return replace(self, values=solution.unweighted, start=solution.solved.decisions, losses=losses)
 
     def solve(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None]) -> Solution:
         """The program solved from these decisions with these numbers, in the units that they ask for.

@@ -141,10 +141,13 @@ class RobustSolution(Solution):
     @property
     def without_outliers(self) -> Solution:
         """The same trajectories with the scales of squares, and without the samples that lie far off: what tests of whiteness suppose."""
-        number = self.term("samples")
-        scale = np.where(self.far, 0.0, self.values.scale[number] / np.sqrt(self.weights * self.gain))
-        values = replace(self.values, scale=tuple(scale if i == number else s for i, s in enumerate(self.values.scale)))
+        values = _scaled(self.unweighted, self.term("samples"), np.where(self.far, 0.0, 1.0))
         return Solution(transcription=self.transcription, solver=self.solver, values=values, solved=self.solved)
+
+    @property
+    def unweighted(self) -> Values:
+        """The program's numbers with the scales of squares."""
+        return _scaled(self.values, self.term("samples"), 1.0 / np.sqrt(self.weights * self.gain))
 
     def squares(self) -> tuple[Array, Array]:
         """psi^2 and what it should be with the right scale (ny, all samples)."""

@@ -16,6 +16,7 @@ import numpy as np
 from backsight.models.errors import SolveError
 from backsight.ocp import Horizon, Options, Solution, Status
 from backsight.ocp.follow import Followed
+from backsight.ocp.ipopt import FINE
 
 from ..arguments import check_kind
 from ..holds import with_better_hold
@@ -28,6 +29,7 @@ from .delays import settled
 from .horizons import check_varies, output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
+from .marginal import marginal
 from .mesh_error import Checked, refine
 from .meshing import Meshed, follow_closely, mesh
 from .outcome import Run, outcome
@@ -167,6 +169,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
     last = ended(problem, choice.solution, say)
+    if settings.marginal and settings.options.tolerance <= FINE:
+        last = marginal(Program.at(problem, last), last, say)
     choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
     return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)

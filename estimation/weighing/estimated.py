@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..problem import Problem
+from ..smoothing.horizons import check_varies
+from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..supposed import noisy_inputs
 from .components import Component, Found, maximise, without
@@ -48,8 +50,9 @@ def variance_components(problem: Problem, *, progress: Progress | None = None) -
 
 def estimated(problem: Problem, say: Progress) -> Estimated:
     """The weights of the fitted recordings."""
+    check_varies(problem)
     posed = opened(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"]))
-    first = smooth(posed, progress=say)
+    first = smooth(posed, settings=Settings(marginal=False), progress=say)
     knobs = turned(posed, first)
     say("weights from the likelihood")
     given = _given(problem, knobs)

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, SuperLU, onenormest, splu
 
 from backsight.ocp import Solution
-from backsight.ocp.curvature import arrange
+from backsight.ocp.bordered import arrange
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]

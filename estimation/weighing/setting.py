@@ -13,6 +13,7 @@ import numpy as np
 
 from backsight.ocp import Solution
 
+from ..smoothing.marginal import marginal
 from .kkt import gauss_newton
 from .likelihood import Likelihood
 from .turned import Turned
@@ -43,9 +44,9 @@ class Setting:
 class Outcome:
     """What a setting gave; everything in SI, and nothing that JSON cannot keep.
 
-    weights: label -> std. parameters: name -> (value, std), NaN where the data do not tell it. misfit, force: output -> rms of measured
-    less modelled, place -> rms of the residual force away from rest, each with the balance of its rows: the root of their squares over
-    what the weight supposes of them, 1 where the two agree.
+    weights: label -> std. parameters: name -> (value, std), of most marginal likelihood, NaN where the data do not tell it. misfit, force:
+    output -> rms of measured less modelled, place -> rms of the residual force away from rest, each with the balance of its rows: the root
+    of their squares over what the weight supposes of them, 1 where the two agree.
     log_likelihood: of the fitted recordings, held_out: of the others, each but for a constant of the mesh; NaN where it is none.
     condition: of the KKT matrix.
     """
@@ -110,15 +111,16 @@ class Stand:
         }
         if not solved.status.converged or solution.curvature is None:
             return Outcome(converged=False, **common)
+        told = marginal(turned.program, solution, lambda _: None)
         likelihood = Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
         return Outcome(
             converged=True,
-            parameters=_parameters(solution),
+            parameters=_parameters(told),
             misfit=_misfits(turned, solution, likelihood.ratio),
             force=_forces(turned, solution, likelihood.ratio),
             cost=solved.cost,
             log_likelihood=likelihood.value,
-            held_out=self.score(theta, solution),
+            held_out=self.score(theta, told),
             condition=gauss_newton(solution).condition,
             **common,
         )

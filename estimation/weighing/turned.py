@@ -22,9 +22,8 @@ from backsight.ocp.nlp import Values
 
 from ..problem import Problem
 from ..results import Smoothing
-from ..smoothing.program import Program, decision_bounds
+from ..smoothing.program import Program
 from ..smoothing.rest import near_rest
-from ..smoothing.robust import Losses, RobustSolution
 from ..supposed import INPUT, PARAMETER
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -189,22 +188,8 @@ def turned(problem: Problem, result: Smoothing) -> Turned:
     solution, in_force = result.solution, result.weights
     if solution is None or not result.solver.converged:
         raise InputError(f"weigh: the study cannot begin, because smoothing did not converge ({result.solver.status.rstrip('.')}).")
-    t, posed, values = solution.transcription, problem.posed, solution.values
-    if isinstance(solution, RobustSolution):
-        number = solution.term("samples")
-        plain = values.scale[number] / np.sqrt(solution.weights * solution.gain)
-        values = replace(values, scale=tuple(plain if k == number else s for k, s in enumerate(values.scale)))
-    lower, upper = decision_bounds(posed, t)
-    program = Program(
-        transcription=t,
-        solver=solution.solver,
-        values=values,
-        start=solution.solved.decisions,
-        lower=lower,
-        upper=upper,
-        at_rest=np.zeros((len(t.soft), t.offsets[-1])),
-        losses=Losses.of(posed),
-    )
+    t, posed = solution.transcription, problem.posed
+    program = Program.at(posed, solution)
     weights, coloured, names = [], {}, [q.name for q in posed.dae.states]
     for row, k in enumerate(t.soft):
         place = posed.dae.places[k]

@@ -51,7 +51,7 @@ def posed(y: np.ndarray, parameters: dict | None = None) -> tuple[Problem, Turne
         weights=Weights(W={"mass": FORCE_STD}),
         initial={"mass.s": Known(MEAN[0], DEVIATION[0]), "mass.v": Known(MEAN[1], DEVIATION[1])},
     )
-    return problem, turned(problem, smooth(problem, settings=Settings(step=DT / 2)))
+    return problem, turned(problem, smooth(problem, settings=Settings(step=DT / 2, marginal=False)))
 
 
 def at(knobs: Turned, theta: np.ndarray) -> Likelihood:

@@ -1,0 +1,180 @@
+"""Parameters of most marginal likelihood against that of a Kalman filter by hand, which integrates the trajectories out exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import truths
+from examples import OFFSET, K, M, compiled, oscillator
+from scipy.optimize import minimize
+from studies import coverage
+
+from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.smoothing.marginal import WORTH, intervals_apart
+from backsight.estimation.smoothing.profile import profile
+from backsight.estimation.smoothing.program import Settings
+from backsight.ocp.marginal import Marginal
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+STEP, STD, LIGHT, STRONG = 0.01, 1e-3, 0.15, 1.5
+TRUE = truths.Plant(m=M, d=LIGHT, k=K, offset=OFFSET)
+NAMES = ("mass.m", "damper.d", "spring.k", "offset.f")
+GUESSES = {"mass.m": Free(3.0), "damper.d": Free(0.5), "spring.k": Free(30.0), "offset.f": Free(0.0)}
+
+
+def run(n: int, seed: int, force_std: float = STRONG) -> tuple[Array, Array, Array]:
+    """Times, held input and noisy positions of the lightly damped plant under strong white forces."""
+    rng = np.random.default_rng(seed)
+    time, u = STEP * np.arange(n), 3.0 * np.repeat(rng.normal(size=n // 20 + 1), 20)[:n]
+    x = truths.disturbed(TRUE, time, u, np.zeros(2), force_std, rng)
+    return time, u, x[:, 0] + STD * rng.standard_normal(n)
+
+
+def negative_log_likelihood(theta: Array, u: Array, y: Array, acceleration_std: float) -> float:
+    """-log p(y | theta, x_0) of x' = A x + B (u, 1) + G w at its best x_0, but for a constant: the innovations are linear in that.
+
+    The accelerations' density stays as theta moves: how large forces are said to be is no measurement of a mass.
+    """
+    m, d, k, offset = theta
+    A, B, G = truths.Plant(m=m, d=d, k=k, offset=offset).matrices
+    (phi, gamma), Q = truths.discrete(A, B, STEP), truths.noise_covariance(A, G, (acceleration_std * m) ** 2, STEP)
+    # the mean, and how it hangs on x_0
+    x, P, logs, rows = np.hstack([np.zeros((2, 1)), np.eye(2)]), np.zeros((2, 2)), 0.0, []
+    for push, measured in zip(u, y, strict=True):
+        S = P[0, 0] + STD**2
+        error = np.array([measured, 0.0, 0.0]) - x[0]
+        logs, _ = logs + 0.5 * np.log(S), rows.append(error / np.sqrt(S))
+        x, P = x + np.outer(P[:, 0] / S, error), P - np.outer(P[:, 0] / S, P[0])
+        x, P = phi @ x, phi @ P @ phi.T + Q
+        x[:, 0] += gamma @ [push, 1.0]
+    e = np.array(rows)
+    best = np.linalg.lstsq(e[:, 1:], -e[:, 0], rcond=None)[0]
+    return float(logs + 0.5 * np.sum((e[:, 0] + e[:, 1:] @ best) ** 2))
+
+
+def smoothed(u: Array, y: Array, *, marginal: bool = True, force_std: float = STRONG, **given: object) -> Smoothing:
+    recording = Recording(
+        name="run",
+        time=STEP * np.arange(len(y)),
+        inputs={"F": u},
+        outputs={"x": y},
+        output_std={"x": STD},
+        output_loss=given.pop("loss", {}),
+    )
+    asked = {"parameters": GUESSES, "weights": Weights(W={"mass": force_std})} | given
+    settings = replace(asked.pop("settings", Settings()), marginal=marginal)
+    result = smooth(Problem(model=compiled(oscillator()), recordings=[recording], **asked), settings=settings)
+    assert result.solver.converged
+    return result
+
+
+def values(result: Smoothing) -> Array:
+    return np.array([result.parameters[name].value for name in NAMES])
+
+
+def test_the_parameters_are_those_of_the_exact_likelihood_and_the_most_probable_with_a_trajectory_are_not():
+    _, u, y = run(2000, 3)
+    result, joint = smoothed(u, y), smoothed(u, y, marginal=False)
+    std = np.array([result.parameters[name].std for name in NAMES])
+    start, scale = values(result), std
+    best = minimize(
+        lambda e: negative_log_likelihood(start + e * scale, u, y, STRONG / start[0]), np.zeros(4), method="BFGS", options={"gtol": 1e-2}
+    )
+    assert np.max(np.abs(best.x)) < 2 * WORTH
+    assert (values(joint)[1] - start[1]) / std[1] < -1.0
+    # the deviations are those of that likelihood's parabola
+    assert std == pytest.approx(np.sqrt(np.diag(best.hess_inv)) * std, rel=0.2)
+
+
+@pytest.mark.parametrize("method", ["spline", "collocation"])
+def test_its_slope_is_that_of_the_exact_likelihood(method):
+    _, u, y = run(600, 5)
+    result = smoothed(u, y, marginal=False, settings=Settings(method=method, check_mesh=False))
+    solution = result.solution
+    assert solution is not None
+    found = Marginal(solution, np.zeros(len(solution.transcription.nlp.steps), dtype=bool))
+    order = [NAMES.index(solution.transcription.dae.parameters[i].name) for i in solution.transcription.nlp.free]
+    theta, std = values(result), found.std[np.argsort(order)]
+
+    def at(e: Array) -> float:
+        return negative_log_likelihood(theta + e * std, u, y, STRONG / theta[0])
+
+    exact = -np.array([(at(0.005 * e) - at(-0.005 * e)) / 0.01 for e in np.eye(4)])
+    assert (found.slope * found.std)[np.argsort(order)] == pytest.approx(exact, abs=2e-3)
+    assert np.max(np.abs(exact)) > 0.5
+
+
+def test_a_damping_that_was_driven_to_its_bound_comes_off_it():
+    _, u, y = run(2000, 3, force_std=5.0)
+    joint, result = (smoothed(u, y, marginal=marginal, force_std=5.0) for marginal in (False, True))
+    assert joint.parameters["damper.d"].on_bound
+    damping = result.parameters["damper.d"]
+    assert not damping.on_bound
+    assert damping.std is not None
+    assert abs(damping.value - LIGHT) < 3 * damping.std
+
+
+def test_with_hubers_loss_outliers_change_little():
+    _, u, y = run(2000, 3)
+    rng = np.random.default_rng(0)
+    spoiled = y.copy()
+    spoiled[rng.choice(len(y), 20, replace=False)] += 100 * STD
+    clean, robust = smoothed(u, y), smoothed(u, spoiled, loss={"x": "huber"})
+    joint = smoothed(u, spoiled, loss={"x": "huber"}, marginal=False)
+    std = np.array([clean.parameters[name].std for name in NAMES])
+    assert np.max(np.abs(values(robust) - values(clean)) / std) < 0.5
+    assert (values(joint)[1] - values(robust)[1]) / std[1] < -0.5
+
+
+def test_the_answer_lies_on_a_bound_that_it_meets():
+    _, u, y = run(2000, 3)
+    free = smoothed(u, y).parameters["damper.d"]
+    joint = smoothed(u, y, marginal=False).parameters["damper.d"]
+    most = 0.5 * (free.value + joint.value)
+    held = smoothed(u, y, parameters={**GUESSES, "damper.d": Free(0.5 * most, max=most)}).parameters["damper.d"]
+    assert held.on_bound
+    assert held.value == most
+
+
+def test_profiles_are_those_of_the_exact_likelihood():
+    time, u, y = run(2000, 3)
+    result = smoothed(u, y)
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD})
+    posed = Problem(model=compiled(oscillator()), recordings=[recording], parameters=GUESSES, weights=Weights(W={"mass": STRONG}))
+    found = profile(posed, result, ["damper.d"], points=3)["damper.d"]
+    start, scale = values(result), np.array([result.parameters[name].std for name in NAMES])
+    others = [0, 2, 3]
+
+    def cost(damping: float) -> float:
+        def at(e: Array) -> float:
+            theta = start.copy()
+            theta[others] += e * scale[others]
+            theta[1] = damping
+            return negative_log_likelihood(theta, u, y, STRONG / start[0])
+
+        return float(minimize(at, np.zeros(3), method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-3}).fun)
+
+    least = cost(found.estimate)
+    assert found.estimate == pytest.approx(start[1], abs=1e-3 * scale[1])
+    assert [cost(value) - least for value in found.values] == pytest.approx(found.cost, rel=0.08, abs=0.01)
+    assert found.limited == ("lower",)
+    assert found.cost[-1] == pytest.approx(1.92, abs=1e-2)
+
+
+def test_rests_are_left_out_of_the_determinants():
+    """Three drives that stop and turn: with their rests the parabola of a rounded sign would move a friction by most of a deviation."""
+    result = smooth(coverage.pose("xy_table", 2)[0])
+    solution = result.solution
+    assert solution is not None
+    apart, t = intervals_apart(solution), solution.transcription
+    assert 0.2 < np.mean(apart) < 0.5
+    shifts = []
+    for intervals in (np.zeros_like(apart), apart):
+        found = Marginal(solution, intervals)
+        shifts.append(np.abs(found.covariance @ found.determinants) / found.std)
+    friction = [t.dae.parameters[i].name for i in t.nlp.free].index("friction_3.tau_c")
+    assert shifts[0][friction] > 0.3
+    assert np.max(shifts[1]) < 0.02
