@@ -8,13 +8,13 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 def products(e: Array) -> tuple[Array, Array]:
-    """c_k = sum_t e_t e_(t+k) / mean(e^2) and the number of pairs in each sum, k = 0 .. n - 1; e (n,), NaN is missing."""
+    """c_k = sum_t e_t e_(t+k) / mean(e^2) and the number of pairs in each sum, k = 0 .. n - 1; e (..., n), NaN is missing."""
     there = np.isfinite(e)
-    values = np.where(there, e, 0.0)
-    size = 1 << int(np.ceil(np.log2(max(2 * e.size, 2))))
-    sums, pairs = (np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: e.size] for x in (values, there.astype(np.float64)))
-    power = float(values @ values) / max(int(there.sum()), 1)
-    return (sums / power if power > 0 else np.zeros(e.size)), np.round(pairs)
+    values, n = np.where(there, e, 0.0), e.shape[-1]
+    size = 1 << int(np.ceil(np.log2(max(2 * n, 2))))
+    sums, pairs = (np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[..., :n] for x in (values, there.astype(np.float64)))
+    power = np.sum(values**2, axis=-1, keepdims=True) / np.maximum(np.count_nonzero(there, axis=-1, keepdims=True), 1)
+    return np.divide(sums, power, out=np.zeros(e.shape), where=power > 0), np.round(pairs)
 
 
 def autocorrelation(values: Array, lags: int) -> Array:

@@ -70,8 +70,7 @@ def force_whiteness(solution: Solution, filtered: Filtered) -> dict[int, float]:
         edges = bands(reach[number])
         w[near_rest(std[:, t.offsets[number] : t.offsets[number + 1]])] = np.nan
         for k, place in enumerate(t.soft):
-            sums = np.array([np.add.reduceat(products(e)[0][: edges[-1]], edges[:-1]) for e in w[k].T])
-            found[place].append(sums)
+            found[place].append(np.add.reduceat(products(w[k].T)[0][:, : edges[-1]], edges[:-1], axis=1))
     return {place: _hotelling(np.hstack(sums)) for place, sums in found.items() if sums}
 
 
