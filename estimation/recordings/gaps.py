@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 EVEN, UNEVEN = 0.95, 0.25  # share of intervals that are the usual one, to that share of it: then a longer one has lost rows
+THOUSAND = 0.01  # of a factor of a thousand: how near to it two rates are that are told from two units
 LONGEST = 20.0  # times the usual interval: a step that long is a gap when nobody says what is
 
 
@@ -80,3 +81,17 @@ def gap_note(recording: Recording) -> str | None:
     rows = "row" if left == 1 else "rows"
     alone = f" {left} {rows} without a neighbour or without a sample of an output: left out." if left else ""
     return f"{found}: it was taken as {len(used)} pieces, each with a start of its own.{alone}"
+
+
+def rates_note(recordings: Sequence[Recording]) -> str | None:
+    """Whether a recording's rows are so many times as far apart as another's as a second has milliseconds, or microseconds."""
+    steps = {r.name: usual_interval(r) for r in recordings}
+    least, most = min(steps, key=lambda name: steps[name]), max(steps, key=lambda name: steps[name])
+    factor = steps[most] / steps[least]
+    unit = next((unit for unit, times in (("ms", 1e3), ("us", 1e6)) if abs(factor / times - 1.0) < THOUSAND), None)
+    if unit is None:
+        return None
+    return (
+        f"{most} has its rows {steps[most]:.6g} s apart, {least} {steps[least]:.6g} s: if the time of {most} is in {unit}, its entry in "
+        f'the study has to say so, time = {{ column = "...", unit = "{unit}" }}.'
+    )

@@ -16,6 +16,7 @@ from backsight.ocp.curvature import Curvature, curvature
 from backsight.ocp.evaluated import Linearised
 
 from ..problem import Free, Problem
+from ..results import Smoothing
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -30,6 +31,33 @@ def contradicted(problem: Problem, solution: Solution) -> list[str]:
     given = set(problem.initial)
     found = [*_priors(problem.posed, solution, solution.curvature), *_uncertain_starts(solution, given), *_exact_starts(solution, given)]
     return [f"{said}: that contradicts the data, or the model lacks something. Values and deviations mislead." for said in found]
+
+
+def freed(problem: Problem) -> Problem | None:
+    """The problem without what it gives of starts, and of parameters beside their guesses; None where it gives nothing."""
+    priors = {name: replace(p, std=None) for name, p in problem.parameters.items() if isinstance(p, Free) and p.std is not None}
+    if not (priors or problem.initial):
+        return None
+    return replace(problem, parameters={**problem.parameters, **priors}, initial={})
+
+
+def blamed(problem: Problem, without: Smoothing) -> str:
+    """What a problem without an answer was given that one without it contradicts; a sentence or two."""
+    found = []
+    for name, given in problem.parameters.items():
+        there = without.parameters.get(name)
+        if not isinstance(given, Free) or given.std is None or there is None or there.std is None:
+            continue
+        if abs(there.value - given.guess) > SURE * np.hypot(given.std, there.std):
+            found.append(f"{name} would be {there.value:.6g} ± {there.std:.2g} {there.unit} instead of {given.guess:.6g} ± {given.std:.2g}")
+    for recording, table in without.estimates.items():
+        for name in [name for name in problem.initial if name in table]:
+            start, value, std = problem.start[name], float(table[name].iloc[0]), float(table[f"{name}.std"].iloc[0])
+            if abs(value - start.value) > SURE * np.hypot(start.std, std):
+                which = f"{name} of {recording}" if len(without.estimates) > 1 else name
+                found.append(f"{which} would begin at {value:.6g} ± {std:.2g} instead of {start.value:.6g}")
+    said = f": {'; '.join(found)}" if found else ""
+    return f"The same problem without what was given of the start or of parameters is solved{said}. Correct it, or leave it out."
 
 
 def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[str]:

@@ -10,8 +10,8 @@ import numpy as np
 from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
 
-from ..problem import Problem
-from ..recordings.gaps import gap_note, lost_note
+from ..problem import Free, Problem
+from ..recordings.gaps import gap_note, lost_note, rates_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed
@@ -40,7 +40,10 @@ def notes(
     problem: Problem, run: Run, fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, ResidualSummary], errors: Errors
 ) -> tuple[str, ...]:
     """Notes on a run, a sentence or two each. errors: recording -> output -> standardised prediction errors (n,)."""
+    if not run.choice.solution.solved.status.converged:
+        return _without_an_answer(problem, run, residuals)
     return (
+        *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_the_start(problem.plain, run),
         *_on_forces(problem, run),
@@ -55,6 +58,28 @@ def notes(
         *on_residuals(residuals, nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),
     )
+
+
+def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, ResidualSummary]) -> tuple[str, ...]:
+    """Where a solve stopped its numbers say little: what may have kept it from arriving, the most telling first."""
+    solution = run.choice.solution
+    t = solution.transcription
+    held = [t.dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]].name for k in solution.solved.on_bound if k >= t.nlp.trajectory_size]
+    where = f" Where it stopped, {listed(held)} lay on {'a bound' if len(held) == 1 else 'bounds'}." if held else ""
+    return (
+        *_on_rates(problem),
+        *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
+        *outlier_notes(problem, solution, {}),
+        *on_explaining(problem.posed, run, residuals),
+        *_on_the_start(problem.plain, run),
+        f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
+        "units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known.",
+    )
+
+
+def _on_rates(problem: Problem) -> list[str]:
+    note = rates_note([r for r in problem.recordings if r.role == "fit"])
+    return [] if note is None else [note]
 
 
 def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
@@ -107,15 +132,13 @@ def on_explaining(problem: Problem, run: Run, residuals: Mapping[str, ResidualSu
     if not held:
         return []
     followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
-    largest, found = forces(problem, followed, solution.parameters), []
-    for k, force in largest.items():
+    parts = []
+    for k, force in forces(problem, followed, solution.parameters).items():
         r = residuals.get(problem.dae.places[k].name)
         if r is not None and r.rms > UNEXPLAINED * force:
-            found.append(
-                f"residual.{r.place}, {r.rms:.3g} {r.unit} rms, is about as large as all else in its balance, {force:.3g} {r.unit} rms, "
-                f"and {listed(held)} ended on a bound: the model explains next to nothing. Check units and signs of inputs and outputs."
-            )
-    return found
+            parts.append(f"residual.{r.place}, {r.rms:.3g} {r.unit} rms, is as large as all else in its balance, {force:.3g} {r.unit} rms")
+    explains = "the model explains next to nothing. Check units and signs of inputs and outputs"
+    return [f"{listed(parts)}, and {listed(held)} ended on a bound: {explains}."] if parts else []
 
 
 def _chance(p: float) -> str:
@@ -124,6 +147,11 @@ def _chance(p: float) -> str:
 
 def _on_the_start(problem: Problem, run: Run) -> list[str]:
     dae, found = problem.dae, []
+    for info in dae.parameters:
+        given = problem.parameters.get(info.name)
+        if isinstance(given, Free) and (-np.inf < given.min < info.minimum or info.maximum < given.max < np.inf):
+            own = f"{info.minimum:g} and {info.maximum:g} {info.unit}"
+            found.append(f"{info.name}: its own bounds, {own}, are narrower than those given, and hold.")
     parameters = run.choice.solution.parameters
     for i, info in enumerate(dae.parameters):
         if info.smoothing and info.name not in problem.parameters and parameters[i] != info.value:

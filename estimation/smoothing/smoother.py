@@ -24,6 +24,7 @@ from ..problem import Problem
 from ..results import Smoothing
 from .along import RIGID, exact_forces
 from .approach import TIGHTEST, approach
+from .beforehand import blamed, freed
 from .begun import Begun, followed_by
 from .delays import settled
 from .horizons import check_varies, output_stds, shown_noise
@@ -64,9 +65,10 @@ def smooth(
     """
 
     check_kind(problem, Problem, "smooth(...): the problem", "write smooth(Problem(model=..., recordings=[...]))")
-    if settings is None:  # a smoothing that somebody asks for, and not a part of one
+    asked_for, say = settings is None, progress or (lambda _: None)  # by somebody, and not as a part of something else
+    if asked_for:
         check_varies(problem)
-    settings, say = settings or Settings(), progress or (lambda _: None)
+    settings = settings or Settings()
     if settings.seconds < math.inf:
         settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))
         say = _until(time.monotonic() + settings.seconds, say)
@@ -75,6 +77,10 @@ def smooth(
         return _smoothed(posed, settings, Begun.at(begin) if isinstance(begin, Solution) else begin, say)
 
     posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
+    if asked_for and not result.solver.converged and (plain := freed(problem)) is not None:
+        say("without what was given beforehand")
+        without = smooth(plain, settings=settings, begin=begin, progress=progress)
+        return replace(result, notes=(blamed(problem, without), *result.notes)) if without.solver.converged else result
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
         return result
     say("predicting what was held out")

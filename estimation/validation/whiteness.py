@@ -88,6 +88,7 @@ def normality(e: Array) -> float | None:
     r = c[1 : e.size // 4] / np.maximum(pairs[1 : e.size // 4], 1.0)
     # what chance leaves at each of very many lags is no memory
     r = np.where(np.abs(r) > 3.0 / np.sqrt(seen.size), r, 0.0)
+    seen = seen / np.abs(seen).max()  # where a solve went astray their squares would overflow
     z3, z4 = float(stats.skewtest(seen).statistic), float(stats.kurtosistest(seen).statistic)
     k2 = z3**2 / max(1.0 + 2.0 * float(np.sum(r**3)), 1.0) + z4**2 / (1.0 + 2.0 * float(np.sum(r**4)))
     return float(stats.chi2.sf(k2, 2))

@@ -6,10 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from linear_runs import ALL_FREE, OFFSET, STD, K, M, many, problem
+from linear_runs import ALL_FREE, FORCE_STD, MODEL, OFFSET, STD, K, M, drive, many, problem
 
-from backsight.estimation import Free
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.problem import Known
+from backsight.estimation.smoothing.beforehand import blamed, freed
+from backsight.estimation.smoothing.program import Settings
+from backsight.ocp import Options
 
 MISLEADS = "that contradicts the data, or the model lacks something. Values and deviations mislead."
 
@@ -61,3 +64,36 @@ def test_what_is_right_is_not_contradicted(seed):
     priors = {"mass.m": Free(M + 0.1 * rng.normal(), std=0.1), "offset.f": Free(OFFSET + 0.5 * rng.normal(), std=0.5)}
     start = {"mass.s": 0.0, "mass.v": Known(0.01 * rng.normal(), std=0.01)}
     assert said(problem(record(seed), parameters=ALL_FREE | priors, initial=start)[0]) == []
+
+
+def posed(y: np.ndarray, **given: object) -> Problem:
+    time, u = drive(len(y))
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD})
+    asked: dict = {"parameters": ALL_FREE, "weights": Weights(W={"mass": FORCE_STD})} | given
+    return Problem(model=MODEL, recordings=[recording], **asked)
+
+
+def test_what_keeps_a_problem_from_an_answer_is_compared_with_the_answer_without_it():
+    y = record(4)
+    wrong = posed(y, initial={"mass.s": 0.5}, parameters=ALL_FREE | {"spring.k": Free(4 * K, std=0.01), "offset.f": Free(OFFSET, std=1.0)})
+    plain = freed(wrong)
+    assert plain is not None
+    assert not plain.initial
+    assert plain.parameters["spring.k"] == Free(4 * K)
+    without = smooth(plain)
+    at, k = without.estimates["run"]["mass.s"].iloc[0], without.parameters["spring.k"]
+    said = blamed(wrong, without)
+    assert f"spring.k would be {k.value:.6g} ± {k.std:.2g} N/m instead of 200 ± 0.01; mass.s would begin at {at:.6g} ± " in said
+    assert "offset.f" not in said  # agrees
+    assert freed(posed(y)) is None
+
+
+def test_where_a_solve_stops_its_numbers_are_no_notes_and_the_likeliest_causes_are():
+    settings = Settings(options=Options(gauss_newton_iterations=1, max_iterations=1), check_mesh=False)
+    y = record(4)
+    y[100] += 1.0
+    result = smooth(posed(y), settings=settings)
+    assert not result.solver.converged
+    assert result.notes[0].startswith("x: one sample stands far off its neighbours")
+    assert result.notes[-1].startswith("No estimate: what is written is where the solver stopped.")
+    assert not any("white" in note or "W of" in note for note in result.notes)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import truths
 from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
+from backsight.estimation.recordings.gaps import rates_note
 from backsight.estimation.results import Companion, OutputFit, ResidualSummary
 from backsight.estimation.smoothing.notes import on_errors, on_residuals
 
@@ -112,3 +115,20 @@ def test_a_sign_that_is_wrong_is_suspected_where_bounds_hold_and_nothing_is_expl
     right = smooth(Problem(model=MODEL, recordings=[axis_run(0, 0.02)], parameters=tight)).notes
     assert any("damper.d ended on its bound, 1.6" in n for n in right)
     assert not any("explains next to nothing" in n for n in right)
+
+
+def test_rows_a_thousand_times_as_far_apart_are_told_with_the_remedy_and_other_rates_are_not():
+    near, far = axis_run(0, 0.02), axis_run(1, 0.02)
+    thousand = replace(far, name="logged", time=1e3 * far.time)
+    note = rates_note([near, thousand])
+    assert note is not None
+    assert 'time = { column = "...", unit = "ms" }' in note
+    assert "logged" in note
+    assert rates_note([near, replace(far, time=990.0 * 2 * far.time)]) is None
+    assert rates_note([near, far]) is None
+
+
+def test_bounds_wider_than_a_parameters_own_are_told():
+    free = {"mass.m": Free(2.2, -5.0, 1e3), "spring.k": Free(45.0), "damper.d": Free(1.0), "offset.f": Free(0.0, min=-1e3)}
+    notes = smooth(Problem(model=MODEL, recordings=[axis_run(0, 0.02)], parameters=free)).notes
+    assert [n.split(":")[0] for n in notes if "narrower than those given" in n] == ["mass.m"]
