@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .results import Criteria, OutputFit, ParameterEstimate, Profile, ResidualSummary, Smoothing, SolverFacts
     from .simulation import Simulation, simulate_study
     from .smoothing.profile import profile
+    from .smoothing.program import Settings
     from .smoothing.smoother import smooth
     from .study.study import Study
     from .tracking.estimate import Estimate, Sample
@@ -55,6 +56,7 @@ _HOME = {
     "results": ("Criteria", "OutputFit", "ParameterEstimate", "Profile", "ResidualSummary", "Smoothing", "SolverFacts"),
     "simulation": ("Simulation", "simulate_study"),
     "smoothing.profile": ("profile",),
+    "smoothing.program": ("Settings",),
     "smoothing.smoother": ("smooth",),
     "study.study": ("Study",),
     "tracking.estimate": ("Estimate", "Sample"),
@@ -88,6 +90,7 @@ __all__ = [
     "Recording",
     "ResidualSummary",
     "Sample",
+    "Settings",
     "Simulation",
     "Smoothing",
     "SolverFacts",

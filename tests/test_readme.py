@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -126,3 +127,13 @@ def test_the_table_of_classical_methods_is_the_one_that_its_example_makes():
         row = table.loc[line[0]]  # type: ignore[attr-defined]
         found = [row[name] for name in ("carriage.m", "friction.d", "friction.f_c", "offset.f", "axis_held_out.csv.gz.x.ahead")]
         assert found == pytest.approx(promised, rel=0.05), line[0]
+
+
+@in_a_checkout
+def test_the_page_on_smoothing_names_what_goes_in_and_comes_out(capsys):
+    names: dict[str, Any] = {}
+    exec(compile(examples(ESTIMATION / "smoothing" / "README.md")[0], "README.md", "exec"), names)
+    assert names["result"].solver.converged
+    assert abs(names["mass"].value - 95.0) < 4 * names["mass"].std
+    assert {"x", "x.std", "x.measured", "carriage.v", "residual.carriage.std"} <= set(names["table"])
+    assert str(names["mass"]) in capsys.readouterr().out

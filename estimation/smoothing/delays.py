@@ -78,7 +78,7 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
         other = smooth(further)
         if _arrived(other) and not any(_edges(other, there, sought, interval).values()):
             about, posed, result = there, further, other
-    return posed, replace(result, notes=(*result.notes, *_notes(about, interval, open_ends)))
+    return posed, replace(result, notes=(*result.notes, *_notes(about, sought, interval, open_ends)))
 
 
 def _range(given: Free | float, interval: float) -> tuple[float, float]:
@@ -150,10 +150,11 @@ def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, 
     return replace(asked, model=dae, parameters=parameters, recordings=recordings)
 
 
-def _notes(about: Mapping[str, float], interval: float, open_ends: Sequence[str]) -> list[str]:
+def _notes(about: Mapping[str, float], sought: Mapping[str, Free | float], interval: float, open_ends: Sequence[str]) -> list[str]:
     """What a reader should know of how the delays came out; open_ends: of those that are not where they were expanded."""
     notes = [
-        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, the delay that was found."
+        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, the delay that was "
+        f"{'found' if isinstance(sought[name], Free) else 'given'}; times in other notes are theirs then."
         for name, d in about.items()
         if d != 0.0
     ]
