@@ -71,10 +71,10 @@ def arrange(nlp: Nlp) -> Places:
 
 @dataclass(frozen=True, kw_only=True)
 class Bordered:
-    """A matrix with all rows in units `size` in which their largest entries are near one; `fixed` rows are those of the unit matrix.
+    """A matrix with all rows in units `size` in which their largest entries are near one, and without the rows that are `fixed`.
 
-    diagonal (N, b, b), lower (N - 1, b, b), edge (N, b, nb), corner (nb, nb): its blocks. idle (N, b): places of blocks where nothing
-    stands; gone: places of the border that are fixed.
+    diagonal (N, b, b), lower (N - 1, b, b), edge (N, b, nk), corner (nk, nk): its blocks. idle (N, b): places of blocks where nothing
+    stands, with a one on the diagonal; kept (nk,): the places of the border that are not fixed.
     """
 
     at: Places
@@ -85,7 +85,7 @@ class Bordered:
     edge: Array
     corner: Array
     idle: Mask
-    gone: Index
+    kept: Index
 
     @cached_property
     def tree(self) -> BlockTridiagonal:
@@ -113,7 +113,8 @@ class Bordered:
         rows, columns, values = rows[keep], columns[keep], values[keep]
         behind = self.at.block[rows] < self.at.block[columns]
         rows, columns = np.where(behind, columns, rows), np.where(behind, rows, columns)
-        (kr, ir), (kc, ic) = ((self.at.block[i], self.at.place[i]) for i in (rows, columns))
+        place = _kept_places(self.at, self.kept)
+        (kr, ir), (kc, ic) = ((self.at.block[i], place[i]) for i in (rows, columns))
         diagonal, lower, edge, corner = self._inverse
         inverse = np.zeros(len(values))
         for block, where, indices in (
@@ -151,15 +152,23 @@ def bordered(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softness
     keep = ~(fixed[rows] | fixed[columns])
     rows, columns, values = rows[keep], columns[keep], values[keep]
     size = _equilibrated(rows, columns, values, len(fixed))
-    diagonal, lower, edge, corner = _dense(at, rows, columns, values * size[rows] * size[columns])
+    free = np.ones(at.border, dtype=bool)
+    free[at.place[fixed & (at.block < 0)]] = False
+    kept = np.flatnonzero(free)
+    diagonal, lower, edge, corner = _dense(at, kept, rows, columns, values * size[rows] * size[columns])
     idle = np.ones((at.count, at.size), dtype=bool)
     inside = (at.block >= 0) & ~fixed
     idle[at.block[inside], at.place[inside]] = False
     k, i = np.nonzero(idle)
     diagonal[k, i, i] = 1.0
-    gone = at.place[fixed & (at.block < 0)]
-    corner[gone, gone] = 1.0
-    return Bordered(at=at, size=size, fixed=fixed, diagonal=diagonal, lower=lower, edge=edge, corner=corner, idle=idle, gone=gone)
+    return Bordered(at=at, size=size, fixed=fixed, diagonal=diagonal, lower=lower, edge=edge, corner=corner, idle=idle, kept=kept)
+
+
+def _kept_places(at: Places, kept: Index) -> Index:
+    """The places of all unknowns, those in the border among what is kept of that, -1 where they are not."""
+    among = np.full(at.border, -1, dtype=np.int64)
+    among[kept] = np.arange(len(kept))
+    return np.where(at.block >= 0, at.place, among[np.where(at.block >= 0, 0, at.place)])
 
 
 def entries(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix) -> sp.csc_matrix:
@@ -179,15 +188,15 @@ def _equilibrated(rows: Index, columns: Index, values: Array, count: int) -> Arr
     return np.exp2(np.round(np.log2(size)))
 
 
-def _dense(at: Places, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
+def _dense(at: Places, kept: Index, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
     """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle, each of them once."""
     b = at.size
     diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, b))
-    border, corner = np.zeros((at.count, b, at.border)), np.zeros((at.border, at.border))
+    border, corner, place = np.zeros((at.count, b, len(kept))), np.zeros((len(kept), len(kept))), _kept_places(at, kept)
     mirrored = rows != columns
     r, c = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
     v = np.concatenate([values, values[mirrored]])
-    kr, kc, ir, ic = at.block[r], at.block[c], at.place[r], at.place[c]
+    kr, kc, ir, ic = at.block[r], at.block[c], place[r], place[c]
     inner = (kr >= 0) & (kc >= 0)
     for target, where, indices in (
         (diagonal, inner & (kr == kc), (kr, ir, ic)),

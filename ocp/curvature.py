@@ -90,32 +90,33 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
     Raises numpy.linalg.LinAlgError when the first states and the parameters together do not determine the rest.
     """
     matrix, n = bordered(nlp, hessian, jacobian, softness, known), nlp.trajectory_size
-    at, size, diagonal, tree, idle, gone = matrix.at, matrix.size, matrix.diagonal, matrix.tree, matrix.idle, matrix.gone
+    at, size, tree, idle, kept = matrix.at, matrix.size, matrix.tree, matrix.idle, matrix.kept
     X, S = matrix.eliminated
     unit = unit * size[: nlp.size]
     own = nlp.interpolation.interior + nlp.interpolation.states
-    weight = np.where(idle, 0.0, np.abs(np.einsum("kii->ki", diagonal)))
+    weight = np.where(idle, 0.0, np.abs(np.einsum("kii->ki", matrix.diagonal)))
     weight[:, :own] = np.maximum(weight[:, :own], EPS)
     reach = np.abs(X) + _slack(matrix, X, own)
     # The blocks are determined by the border whatever the data; their own inertia is that of a sum of squares, and counting the
     # signs of their pivots would only count rounding. What the data must determine is the border: its inertia is that of a minimum when
     # every multiplier there brings one negative eigenvalue, but those of redundant constraints, which are null directions themselves.
     edge = nlp.interpolation.states * len(at.starts)
-    multipliers = slice(edge, at.border - len(nlp.free))
+    multipliers = (kept >= edge) & (kept < at.border - len(nlp.free))
     D = _units(S, np.abs(np.diag(matrix.corner)) + np.einsum("kb,kbi->i", weight, reach**2), multipliers)
     e, Q = np.linalg.eigh(S / np.outer(D, D))
     lost = np.abs(e) < ROUNDING
-    N, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
-    held = multipliers.stop - edge - round(float(np.sum(N[multipliers] ** 2)))
+    Z, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
+    held = np.count_nonzero(multipliers) - round(float(np.sum(Z[multipliers] ** 2)))
     definite = int(np.sum(e < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
-    C = (Q / e) @ Q.T / np.outer(D, D)
-    C[gone], C[:, gone] = 0.0, 0.0
-    N[multipliers] = 0.0
-    left, length, _ = np.linalg.svd(N, full_matrices=False)
-    N = left[:, length > 0.5] / D[:, None]
+    C = np.zeros((at.border, at.border))
+    C[np.ix_(kept, kept)] = (Q / e) @ Q.T / np.outer(D, D)
+    Z[multipliers] = 0.0
+    left, length, _ = np.linalg.svd(Z, full_matrices=False)
+    N = np.zeros((at.border, np.count_nonzero(length > 0.5)))
+    N[kept] = left[:, length > 0.5] / D[:, None]
     theta = unit[n:]
     scale = np.concatenate([nlp.local(unit[:n]), np.repeat(theta[:, None], at.count, axis=1)]).T
-    rows = _rows(nlp, at, X, idle)
+    rows = _rows(nlp, at, X, idle, kept)
     first = np.concatenate([nlp.local(unit[:n])[: nlp.interpolation.states, at.starts].T.ravel(), theta])
     return Curvature(
         parameter_covariance=C[at.border - len(theta) :, at.border - len(theta) :] * np.outer(theta, theta),
@@ -139,26 +140,24 @@ def _slack(matrix: Bordered, X: Array, own: int) -> Array:
     return np.abs(matrix.tree.solve(signs[:, :, None] * sums))
 
 
-def _units(S: Array, summed: Array, multipliers: slice) -> Array:
+def _units(S: Array, summed: Array, multipliers: NDArray[np.bool_]) -> Array:
     """D (nb,) from its squares; a multiplier of the border, which may cost nothing, gets a unit that makes its row of S one at most."""
     D = np.sqrt(summed)
-    unknown = np.ones(len(D), dtype=bool)
-    unknown[multipliers] = False
-    unknown &= D > 0
+    unknown = ~multipliers & (D > 0)
     D[multipliers] = np.maximum(D[multipliers], np.max(np.abs(S[multipliers][:, unknown]) / D[unknown], axis=1, initial=0.0))
     return np.where(D > 0, D, 1.0)
 
 
-def _rows(nlp: Nlp, at: Places, X: Array, idle: NDArray[np.bool_]) -> Array:
+def _rows(nlp: Nlp, at: Places, X: Array, idle: NDArray[np.bool_], kept: Index) -> Array:
     """X and the border itself, with the sign of X, at every interval's [l_i; p], (N, local + np, nb): l_i = [block before; own block]."""
     ip, free = nlp.interpolation, len(nlp.free)
     nx, local, own = ip.states, ip.local, ip.interior + ip.states
     knot = slice(own - nx, own)
     later = np.setdiff1d(np.arange(at.count), at.starts)
     rows = np.zeros((at.count, local + free, at.border))
-    rows[later, :nx] = np.where(idle[later - 1, knot, None], 0.0, X[later - 1, knot])
+    rows[later[:, None, None], np.arange(nx)[:, None], kept] = np.where(idle[later - 1, knot, None], 0.0, X[later - 1, knot])
     rows[at.starts[:, None], np.arange(nx), at.place[nlp.index[:nx, at.starts].T]] = -1.0
-    rows[:, nx:local] = np.where(idle[:, :own, None], 0.0, X[:, :own])
+    rows[:, nx:local, kept] = np.where(idle[:, :own, None], 0.0, X[:, :own])
     rows[:, local + np.arange(free), at.border - free + np.arange(free)] = -1.0
     return rows
 

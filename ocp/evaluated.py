@@ -56,6 +56,10 @@ class Evaluated:
         """Whether no constraint bends."""
         return not any(block.curved for block in self._blocks if block.term.equality)
 
+    def curved(self, number: int) -> bool:
+        """Whether a term's derivative hangs on X."""
+        return self._blocks[number].curved
+
     def rows(self, X: Array, values: Values) -> list[Array]:
         """The rows r = (m - target) * scale of every term, each (K m, C)."""
         return [self._row(number, X, values) for number in range(len(self._blocks))]

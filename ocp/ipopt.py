@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
@@ -209,7 +209,7 @@ class Solver:
             status=status,
             iterations=iterations,
             seconds=time.perf_counter() - began,
-            on_bound=_on_bound(decisions, lower, upper, values.unit),
+            on_bound=on_bound(decisions, lower, upper, values.unit),
             by_steps=by_steps,
         )
 
@@ -234,8 +234,8 @@ class Solver:
                 answer = found
                 break
         seconds = solved.seconds + time.perf_counter() - began
-        on_bound = tuple(sorted({*held, *_on_bound(answer.decisions, *free, values.unit)}))
-        return replace(answer, seconds=seconds, on_bound=on_bound)
+        there = tuple(sorted({*held, *on_bound(answer.decisions, *free, values.unit)}))
+        return replace(answer, seconds=seconds, on_bound=there)
 
     def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:
         """Whether plain steps are all that is asked for: on the way, to a rough tolerance, or where only exact ones can lead on."""
@@ -308,14 +308,14 @@ class Solver:
         evaluated, X = self.nlp.evaluated, values.scaled(decisions)
         return evaluated.diagonal([evaluated.linearised(k, X, values) for k, term in enumerate(self.nlp.terms) if not term.equality])
 
-    def kkt(self, decisions: Array, values: Values) -> tuple[sp.csc_matrix, sp.csc_matrix, Array]:
+    def kkt(self, decisions: Array, values: Values, without: Collection[int] = ()) -> tuple[sp.csc_matrix, sp.csc_matrix, Array]:
         """H (upper triangle), J and d (rows of J,) of the Gauss-Newton KKT matrix [H J'; J -diag(d)], in the program's units.
 
         Constraints have d = 0. A heavy term has its rows r among those of J, with multipliers of their own, r = J dX = d lambda: squares
-        of numbers that differ by ten decades would leave nothing of the small ones.
+        of numbers that differ by ten decades would leave nothing of the small ones. without: numbers of terms that H does not have.
         """
         evaluated, X, terms = self.nlp.evaluated, values.scaled(decisions), self.nlp.terms
-        parts = [evaluated.linearised(k, X, values) for k in range(len(terms))]
+        parts = [evaluated.linearised(k, X, values) for k in range(len(terms)) if k not in without]
         apart = [terms[part.number].equality or terms[part.number].heavy for part in parts]
         H = evaluated.upper(evaluated.squares([part for part, own in zip(parts, apart, strict=True) if not own]))
         J = evaluated.jacobian([part for part, own in zip(parts, apart, strict=True) if own])
@@ -375,5 +375,6 @@ class FixedPoint:
         return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)
 
 
-def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
+def on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
+    """Decisions within a thousandth of their unit from one of their bounds."""
     return tuple(np.flatnonzero(np.minimum(decisions - lower, upper - decisions) < 1e-3 * unit).tolist())

@@ -7,7 +7,7 @@ With J(p) the cost of the best trajectory x^(p), by Laplace,
 K is the KKT matrix (`curvature.py`) at x^(p) with parameters and first states known: these are parameters too, so that of a model without
 residual forces J is the likelihood. K_0 is the same without the samples, which makes a density of forces one of trajectories. A smoother
 that minimises J alone takes too little damping where white forces are large (Dutra, Teixeira & Aguirre, Automatica 50, 2014). A Newton step
-of the whole, with Sigma the parameters' covariance and S how all unknowns move with them, dx^/dp, the parameters that terms refer to held
+of the whole, with Sigma the parameters' covariance and S how all unknowns move with them, dx^/dp, those that terms refer to held
 (`pieces.py`):
 
     dp  =  Sigma (-dJ/dp + g),      g_a = 1/2 tr(K_0^-1 dK_0/dp_a) - 1/2 tr(K^-1 dK/dp_a),    d/dp_a along column a of S
@@ -18,13 +18,13 @@ what is far from it, so that intervals can be left out of it where Laplace's par
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
+from scipy.linalg import qr
 
 from .bordered import Index, bordered, entries
 from .curvature import Curvature, curvature
@@ -33,115 +33,149 @@ from .polynomials import Array
 from .solution import Solution
 
 Mask = NDArray[np.bool_]
-SHARE = 0.01  # of a parameter's deviation: how far slopes of determinants look
+SHARE = 0.1  # of a parameter's deviation: how far slopes of determinants look, ahead and back
+FIRST = 1e3
+MOVES = 1e-4  # of the largest part of a null direction, in the program's units: less is rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Marginal:
-    """What the marginal likelihood says at a solution; apart (N,): intervals that are left out of the determinants."""
+    """What the marginal likelihood says at a solution.
+
+    values: the numbers whose cost J is, where those of the solution serve its deviations (robust losses). apart (N,): intervals that are
+    left out of the determinants. All that follows is of the k free parameters `moving`: where a combination of parameters is not
+    determined, others that make it up are held, one for each.
+    """
 
     solution: Solution
+    values: Values
     apart: Mask
 
+    @cached_property
+    def moving(self) -> Index:
+        """Which of the free parameters, those on a bound too, (k,)."""
+        everything = np.arange(len(self.solution.transcription.nlp.free))
+        if self._whole is None or not len(self._whole.null):
+            return everything
+        t, unit = self.solution.transcription, self.solution.values.unit
+        null = self._whole.null / np.concatenate([unit[t.starts.ravel()], unit[t.nlp.trajectory_size :]])
+        null = (null / np.abs(null).max(axis=1, keepdims=True))[:, -len(everything) :]
+        # what lies on a bound is held first
+        null[:, np.isin(t.nlp.trajectory_size + everything, self.solution.solved.on_bound)] *= FIRST
+        _, R, order = qr(null, mode="economic", pivoting=True)
+        lost = np.flatnonzero(np.abs(np.diag(R)) > MOVES)
+        return np.setdiff1d(everything, order[lost])
+
     @property
-    def determined(self) -> bool:
-        """Whether the data determine all unknowns, those on a bound too; nothing else may be asked where they do not."""
-        return self._curvature is not None and not len(self._curvature.null)
+    def minimum(self) -> bool:
+        """Whether the solution is one, with parameters that can move; nothing else may be asked where it is not."""
+        return self._curvature is not None and len(self.moving) > 0
 
     @property
     def covariance(self) -> Array:
-        """Of the free parameters, those on a bound too, (np, np)."""
+        """(k, k)."""
         assert self._curvature is not None
-        return self._curvature.parameter_covariance
+        return self._curvature.parameter_covariance[np.ix_(self.moving, self.moving)]
 
     @property
     def std(self) -> Array:
-        """Their deviations, (np,)."""
+        """(k,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)), dtype=np.float64)
 
-    def step(self, lower: Array, upper: Array) -> Array:
-        """dp (np,) within the bounds (n + np,) of the decisions."""
-        n, decisions = self.solution.transcription.nlp.trajectory_size, self.solution.solved.decisions
-        least, most = np.minimum(lower[n:] - decisions[n:], 0.0), np.maximum(upper[n:] - decisions[n:], 0.0)
-        # with Sigma = L L', the parabola is |L^-1 dp - L' slope|^2
-        L, std, moves = np.linalg.cholesky(self.covariance), self.std, most > least
-        found = np.zeros(len(std))
-        if moves.any():
-            bounds = (least / std)[moves], (most / std)[moves]
-            found[moves] = lsq_linear((np.linalg.inv(L) * std)[:, moves], L.T @ self.slope, bounds, method="bvls").x
-        return np.asarray(found * std, dtype=np.float64)
-
     def moved(self, step: Array) -> Array:
-        """Decisions (n + np,) after a step (np,) of the parameters, to first order."""
+        """Decisions (n + np,) after a step (k,), to first order."""
         return np.asarray(self.solution.solved.decisions + self._path @ step, dtype=np.float64)
 
     @property
     def slope(self) -> Array:
-        """Of the log marginal likelihood in the free parameters, (np,)."""
+        """Of the log marginal likelihood, (k,)."""
         return np.asarray(self.determinants - self.pull, dtype=np.float64)
 
-    @property
+    @cached_property
     def pull(self) -> Array:
-        """dJ/dp (np,): zero at the most probable parameters together with a trajectory, but for those on a bound."""
+        """dJ/dp (k,): zero at the most probable parameters together with a trajectory, but for those on a bound."""
         s = self.solution
-        evaluated, X = s.transcription.nlp.evaluated, s.values.scaled(s.solved.decisions)
-        parts = [evaluated.linearised(k, X, s.values) for k, term in enumerate(s.transcription.nlp.terms) if not term.equality]
-        return np.asarray((evaluated.gradient(parts) / s.values.unit) @ self._path, dtype=np.float64)
+        evaluated, X = s.transcription.nlp.evaluated, self.values.scaled(s.solved.decisions)
+        parts = [evaluated.linearised(k, X, self.values) for k, term in enumerate(s.transcription.nlp.terms) if not term.equality]
+        return np.asarray((evaluated.gradient(parts) / self.values.unit) @ self._path, dtype=np.float64)
 
     @cached_property
     def determinants(self) -> Array:
-        """g (np,)."""
-        s, nlp = self.solution, self.solution.transcription.nlp
-        posterior, samples = s.values, s.term("samples")
-        prior = replace(posterior, scale=tuple(np.zeros_like(x) if k == samples else x for k, x in enumerate(posterior.scale)))
-        known = np.unique(np.concatenate([self._held, s.transcription.starts.ravel(), np.arange(nlp.trajectory_size, nlp.size)]))
-        return (self._slopes(prior, known) - self._slopes(posterior, known)) / 2.0
+        """g (k,), by central differences: at a kink of a law a shorter way would see either side of it, or nothing."""
+        nlp, starts, here = self.solution.transcription.nlp, self.solution.transcription.starts, self.solution.solved.decisions
+        known = np.unique(np.concatenate([self._held, starts.ravel(), np.arange(nlp.trajectory_size, nlp.size)]))
+        H, J, softness = self._kkt(here)
+        units = _sizes(softness)
+        before = bordered(nlp, H, J, softness, known)
+        after = bordered(nlp, H + self._samples(here), J, softness, known)
+        number, found = self.solution.term("samples"), []
+        for step, direction in zip(SHARE * self.std, self._path.T, strict=True):
+            ends = [here + sign * step * direction for sign in (1.0, -1.0)]
+            ahead, behind = (self._matrix(end, units) for end in ends)
+            change = _triplets((ahead - behind) / (2.0 * step))
+            parts = before.traces(*change) - after.traces(*change)
+            if nlp.evaluated.curved(number):
+                ahead, behind = (self._samples(end) for end in ends)
+                parts -= after.traces(*_triplets((ahead - behind) / (2.0 * step)))
+            found.append(0.5 * float(np.sum(parts[~self.apart])))
+        return np.array(found)
 
-    def _slopes(self, values: Values, known: NDArray[np.int64]) -> Array:
-        """d/dp log |det K| in the intervals that are not left out, (np,), with these numbers and these decisions known."""
+    def _kkt(self, decisions: Array) -> tuple[sp.csc_matrix, sp.csc_matrix, Array]:
+        return self.solution.solver.kkt(decisions, self.solution.values, without=(self.solution.term("samples"),))
+
+    def _matrix(self, decisions: Array, units: Array) -> sp.csc_matrix:
+        """One triangle of K_0 but for its softness, the rows of J in these units."""
+        H, J, softness = self._kkt(decisions)
+        return entries(self.solution.transcription.nlp, H, sp.csc_matrix(sp.diags(_sizes(softness) / units) @ J))
+
+    def _samples(self, decisions: Array) -> sp.csc_matrix:
+        """What the samples add to H."""
         s = self.solution
-        H, J, softness = s.solver.kkt(s.solved.decisions, values)
-        K, there = bordered(s.transcription.nlp, H, J, softness, known), (entries(s.transcription.nlp, H, J), _sizes(softness))
-        steps = SHARE * self.std
-        changes = (self._change(values, there, step * direction) for step, direction in zip(steps, self._path.T, strict=True))
-        return np.array([float(np.sum(K.traces(*change)[~self.apart])) for change in changes]) / steps
-
-    def _change(self, values: Values, there: tuple[sp.csc_matrix, Array], move: Array) -> tuple[Index, Index, Array]:
-        """Entries of one triangle of K's change some way off `there`: K, and the units of the rows of J that stay."""
-        nlp, (before, size) = self.solution.transcription.nlp, there
-        H, J, softness = self.solution.solver.kkt(self.solution.solved.decisions + move, values)
-        change = sp.coo_matrix(entries(nlp, H, sp.csc_matrix(sp.diags(_sizes(softness) / size) @ J)) - before)
-        return change.row.astype(np.int64), change.col.astype(np.int64), change.data
+        evaluated = s.transcription.nlp.evaluated
+        part = evaluated.linearised(s.term("samples"), s.values.scaled(decisions), s.values)
+        return evaluated.upper(evaluated.squares([part]))
 
     @cached_property
     def _path(self) -> Array:
-        """S (n + np, np)."""
+        """S (n + np, k)."""
         nlp, found = self.solution.transcription.nlp, self._curvature
         assert found is not None
         local, n = nlp.interpolation.local, nlp.trajectory_size
-        path = np.zeros((nlp.size, len(nlp.free)))
-        along = found.interval_covariance[:, :local, local:] @ np.linalg.inv(self.covariance)
-        path[nlp.index.T] = along
-        path[n:] = np.eye(len(nlp.free))
+        path = np.zeros((nlp.size, len(self.moving)))
+        path[nlp.index.T] = found.interval_covariance[:, :local, local + self.moving] @ np.linalg.inv(self.covariance)
+        path[n + self.moving] = np.eye(len(self.moving))
         return path
 
     @cached_property
     def _curvature(self) -> Curvature | None:
+        """With what does not move held."""
+        n, count = self.solution.transcription.nlp.trajectory_size, len(self.solution.transcription.nlp.free)
+        held = n + np.setdiff1d(np.arange(count), self.moving)
+        return self._with(np.union1d(self._held, held)) if len(held) else self._whole
+
+    @cached_property
+    def _whole(self) -> Curvature | None:
+        """With all parameters free."""
+        return self.solution.curvature if len(self._held) == len(self.solution.held) else self._with(self._held)
+
+    def _with(self, known: Index) -> Curvature | None:
         s = self.solution
-        if len(self._held) == len(s.held):
-            return s.curvature
         try:
-            H, J, softness = s.solver.kkt(s.solved.decisions, s.values)
-            found = curvature(s.transcription.nlp, H, J, softness, s.values.unit, self._held)
+            found = curvature(s.transcription.nlp, *s.solver.kkt(s.solved.decisions, s.values), s.values.unit, known)
         except np.linalg.LinAlgError:
             return None
         return found if found.definite else None
 
     @property
-    def _held(self) -> NDArray[np.int64]:
+    def _held(self) -> Index:
         """What of the trajectories cannot move."""
         held = self.solution.held
         return held[held < self.solution.transcription.nlp.trajectory_size]
+
+
+def _triplets(matrix: sp.csc_matrix) -> tuple[Index, Index, Array]:
+    there = sp.coo_matrix(matrix)
+    return there.row.astype(np.int64), there.col.astype(np.int64), there.data
 
 
 def _sizes(softness: Array) -> Array:

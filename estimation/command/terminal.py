@@ -37,7 +37,11 @@ def parameter_table(answer: Smoothing) -> Table:
     if (times := answer.overstated) > TELLING:
         table.add_row("deviations", f"up to about {times:.2g} times too small: prediction errors are not white")
     for p in answer.profiles.values():
-        table.add_row(escape(f"95 % of {p.name}"), f"{_end(p.lower, '-inf')} .. {_end(p.upper, 'inf')} {p.unit}")
+        ends = (
+            f"{p.values[k]:.6g} (bound)" if side in p.limited else _end(value, otherwise)
+            for side, value, k, otherwise in (("lower", p.lower, 0, "-inf"), ("upper", p.upper, -1, "inf"))
+        )
+        table.add_row(escape(f"95 % of {p.name}"), f"{' .. '.join(ends)} {p.unit}")
     return table
 
 

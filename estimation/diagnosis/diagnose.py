@@ -129,7 +129,7 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. A model that
     does not come to rest either way is taken as it was left then: what it lacks may be what keeps it from that.
     """
-    weighed, held = Settings(hasty=True, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
+    weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
     ways = [(weighed, QUICKLY), (held, HELD)]
     if unseen_states(problem.plain):
         ways.reverse()

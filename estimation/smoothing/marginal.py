@@ -6,48 +6,137 @@ Near rest a law's rounded sign is steep and its creep no physics, so that those 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
+from scipy.optimize import lsq_linear
 
 from backsight.ocp import ParameterPrior, Solution, Solver
+from backsight.ocp.ipopt import on_bound
 from backsight.ocp.marginal import Marginal
 
 from .program import Program
 from .rest import near_rest
+from .robust import RobustSolution
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 WORTH = 0.05  # of a deviation: a step that no one would notice
+NEAR = 0.3  # of a deviation: what may be left of the way where steps do not settle
 BOLDEST = 1.0  # deviation: the longest step
-STEPS = 12
-TILTED = 0.01  # of a deviation: a slope at the answer that tells it from one of most probability together with a trajectory
-WIDE = 1e3  # deviations of a prior that bends next to nothing
+STEPS, STALE = 16, 4  # at most, and those in a row that lead no nearer
+TOLD = 0.5  # of a deviation: a distance from the most probable parameters together with a trajectory that is worth a word
+TILTED = 0.01  # of a deviation: a slope at the answer that tells it from these
+WIDE = 30.0  # deviations of a prior that bends next to nothing
 NEIGHBOURS = 2  # intervals beside those near rest between which determinants pass what they say to and fro
 
 
-def marginal(program: Program, solution: Solution, say: Callable[[str], None]) -> Solution:
-    """A solution of a program moved to the parameters of most marginal likelihood; as it is where that is no step or leads nowhere."""
-    if not (solution.transcription.nlp.free and solution.solved.status.converged):
-        return solution
-    found = solution
-    for _ in range(STEPS):
-        there = Marginal(found, intervals_apart(found))
-        if not there.determined:
-            return solution
-        step = there.step(program.lower, program.upper)
-        length = float(np.max(np.abs(step) / there.std))
-        if not np.isfinite(length):
-            return solution
-        if length < WORTH:
-            return found
-        say(f"parameters of most marginal likelihood: {length:.2g} deviations away")
-        found = _at(program, found, there.moved(step * min(1.0, BOLDEST / length)), say)
-        if not found.solved.status.converged:
-            return solution
-    return solution
+@dataclass(frozen=True, kw_only=True)
+class Moved:
+    """A solution at the parameters of most marginal likelihood, or as near as steps led, and a sentence about it where one is due."""
+
+    solution: Solution
+    said: tuple[str, ...] = ()
+
+
+def marginal(program: Program, solution: Solution, say: Callable[[str], None]) -> Moved:
+    """A solution of a program moved to the parameters of most marginal likelihood; as it is where that is no step or leads nowhere.
+
+    Roots of the slope in the parameters, by Broyden's quasi-Newton steps within the bounds: in whitened parameters u, with Sigma = L L',
+    F = L' slope has a derivative near -1, but for terms that refer to the parameters (`ocp/pieces.py`) and for bent laws.
+    """
+    t = solution.transcription
+    if not (t.soft and t.nlp.free and solution.solved.status.converged):  # without forces there is one trajectory, and no determinant
+        return Moved(solution=solution)
+    try:
+        return _Way(program, solution, say).gone()
+    except np.linalg.LinAlgError:
+        return Moved(solution=solution, said=(UNMOVED,))
+
+
+UNMOVED = (
+    "The parameters are those most probable together with a trajectory: steps to those of most marginal likelihood led nowhere. What damps "
+    "lightly may be too small where residual forces are large."
+)
+
+
+class _Way:
+    """The steps from a solution."""
+
+    def __init__(self, program: Program, solution: Solution, say: Callable[[str], None]) -> None:
+        self._program, self._first, self._say = program, solution, say
+
+    def gone(self) -> Moved:
+        first = at(self._first)
+        if not first.minimum:
+            return Moved(solution=self._first)
+        L, std, moving = np.linalg.cholesky(first.covariance), first.std, first.moving
+        W, B, here, F = np.linalg.inv(L), np.eye(len(std)), first, L.T @ first.slope
+        best, nearest, stale = here, np.inf, 0
+        for _ in range(STEPS):
+            step = self._step(here.solution, moving, B @ W, F, std)
+            length = float(np.max(np.abs(step) / std))
+            if not np.isfinite(length):
+                break
+            best, nearest, stale = (here, length, 0) if length < nearest else (best, nearest, stale + 1)
+            if length < WORTH or stale >= STALE:
+                break
+            self._say(f"parameters of most marginal likelihood: {length:.2g} deviations away")
+            step *= min(1.0, BOLDEST / length)
+            found = self._solved(here, step)
+            there = at(found) if found.solved.status.converged else None
+            if there is None or not there.minimum or not np.array_equal(there.moving, moving):
+                break
+            s, before = W @ step, F
+            here, F = there, L.T @ there.slope
+            B += np.outer(before - F - B @ s, s) / (s @ s)
+        return self._answer(best, nearest, std, moving)
+
+    def _answer(self, best: Marginal, left: float, std: Array, moving: NDArray[np.int64]) -> Moved:
+        if best.solution is self._first:
+            return Moved(solution=self._first, said=() if left < WORTH else (UNMOVED,))
+        if left > NEAR:
+            return Moved(solution=self._first, said=(UNMOVED,))
+        t = self._first.transcription
+        places = t.nlp.trajectory_size + moving
+        far = (best.solution.solved.decisions - self._first.solved.decisions)[places] / std
+        k = int(np.argmax(np.abs(far)))
+        name = t.dae.parameters[t.nlp.free[int(moving[k])]].name
+        distance = f"{name} is {far[k]:+.2g} deviations from its most probable value together with a trajectory"
+        said = (f"Parameters are those of most marginal likelihood: {distance}.",) if abs(far[k]) > TOLD else ()
+        return Moved(solution=best.solution, said=said)
+
+    def _step(self, solution: Solution, moving: NDArray[np.int64], A: Array, F: Array, std: Array) -> Array:
+        """argmin |A step - F| within the bounds."""
+        places = solution.transcription.nlp.trajectory_size + moving
+        here, step = solution.solved.decisions[places], np.zeros(len(std))
+        least = np.minimum(self._program.lower[places] - here, 0.0) / std
+        most = np.maximum(self._program.upper[places] - here, 0.0) / std
+        room = most > least
+        if room.any() and np.all(np.isfinite(F)):
+            step[room] = lsq_linear((A * std)[:, room], F, (least[room], most[room]), method="bvls").x
+        return np.asarray(step * std, dtype=np.float64)
+
+    def _solved(self, here: Marginal, step: Array) -> Solution:
+        """The best trajectories a step further."""
+        before, program = here.solution, self._program
+        decisions = np.clip(here.moved(step), program.lower, program.upper)
+        held = replace(program.resumed(before), start=decisions).held
+        found = held.solve(decisions, held.values, True, self._say)
+        if isinstance(found, RobustSolution) and isinstance(before, RobustSolution):
+            found = found.with_gain(before.gain)  # its own is that of known parameters
+        n, solved = before.transcription.nlp.trajectory_size, found.solved
+        on = (k for k in on_bound(solved.decisions, program.lower, program.upper, found.values.unit) if k >= n)
+        own = (*(k for k in solved.on_bound if k < n), *on)
+        return replace(found, solved=replace(solved, on_bound=own, iterations=before.solved.iterations + solved.iterations))
+
+
+def at(solution: Solution) -> Marginal:
+    """What the marginal likelihood says at a solution, its rests left out."""
+    values = solution.ungained if isinstance(solution, RobustSolution) else solution.values
+    return Marginal(solution=solution, values=values, apart=intervals_apart(solution))
 
 
 def tilted(solution: Solution) -> Solution:
@@ -55,38 +144,32 @@ def tilted(solution: Solution) -> Solution:
 
     The slope of the determinants at the answer, as priors so wide that they bend next to nothing.
     """
-    there, t = Marginal(solution, intervals_apart(solution)), solution.transcription
-    if not there.determined:
+    there, t = at(solution), solution.transcription
+    if not there.minimum:
         return solution
-    n, pull, wide = t.nlp.trajectory_size, there.pull, WIDE * there.std
-    on_bound = np.isin(n + np.arange(len(wide)), solution.solved.on_bound)
-    if not np.any(np.abs(there.covariance @ pull / there.std)[~on_bound] > TILTED):
+    places, wide = t.nlp.trajectory_size + there.moving, WIDE * there.std
+    edge = np.isin(places, solution.solved.on_bound)
+    if not np.any(np.abs(there.pull * there.std)[~edge] > TILTED):
         return solution
-    slope = np.where(on_bound, there.determinants, pull)
-    t, values = t.with_prior(solution.values, ParameterPrior(mean=solution.solved.decisions[n:] + wide**2 * slope, std=wide))
+    slope = np.where(edge, there.determinants, there.pull)
+    mean, std = np.zeros(len(t.nlp.free)), np.full(len(t.nlp.free), np.inf)
+    mean[there.moving], std[there.moving] = solution.solved.decisions[places] + wide**2 * slope, wide
+    t, values = t.with_prior(solution.values, ParameterPrior(mean=mean, std=std))
     return Solution(transcription=t, solver=Solver(t.nlp, solution.solver.options), values=values, solved=solution.solved)
 
 
 def slope_of_determinants(solution: Solution) -> Array | None:
-    """What the marginal likelihood's slope in the free parameters (np,) has beside the cost's; None where there is no minimum."""
-    there = Marginal(solution, intervals_apart(solution))
-    return there.determinants if there.determined else None
-
-
-def _at(program: Program, solution: Solution, decisions: Array, say: Callable[[str], None]) -> Solution:
-    """The best trajectories at the parameters of these decisions."""
-    n, decisions = solution.transcription.nlp.trajectory_size, np.clip(decisions, program.lower, program.upper)
-    held = replace(program.resumed(solution), start=decisions).held
-    found = held.solve(decisions, held.values, True, say)
-    edge = np.flatnonzero((decisions == program.lower) | (decisions == program.upper))
-    on_bound = (*(k for k in found.solved.on_bound if k < n), *edge[edge >= n].tolist())
-    iterations = solution.solved.iterations + found.solved.iterations
-    return replace(found, solved=replace(found.solved, on_bound=on_bound, iterations=iterations))
+    """Of the marginal likelihood in the free parameters, without the cost's, (np,); 0 in what cannot move, None without a minimum."""
+    there = at(solution)
+    if not there.minimum:
+        return None
+    out = np.zeros(len(solution.transcription.nlp.free))
+    out[there.moving] = there.determinants
+    return out
 
 
 def intervals_apart(solution: Solution) -> NDArray[np.bool_]:
     """Intervals (N,) near rest and beside it."""
     near = near_rest(solution.transcription.force_std_at(solution.values))
-    return np.asarray(
-        binary_dilation(np.any(near, axis=0, keepdims=True), np.ones((1, 2 * NEIGHBOURS + 1), dtype=np.bool_))[0], dtype=np.bool_
-    )
+    apart = np.any(near, axis=0, keepdims=True)
+    return np.asarray(binary_dilation(apart, np.ones((1, 2 * NEIGHBOURS + 1), dtype=np.bool_))[0], dtype=np.bool_)

@@ -49,6 +49,7 @@ def notes(
         *_on_forces(problem, run),
         *supposed_notes(problem),
         *_on_the_answer(problem.posed, run),
+        *run.said,
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution, errors),

@@ -35,6 +35,7 @@ class Run:
 
     stds, open_outputs: per recording, the outputs' standard deviations that `choice.output_factor` multiplies, and those that nobody gave.
     remeshed: whether the weights asked for a second mesh. mesh_error: output -> error that the mesh leaves, in units of its noise.
+    said: sentences of the last steps (`marginal.py`).
     """
 
     choice: Choice
@@ -42,6 +43,7 @@ class Run:
     open_outputs: tuple[set[str], ...]
     remeshed: bool
     mesh_error: Mapping[str, float]
+    said: tuple[str, ...] = ()
 
     def noise(self, number: int, output: str, index: int) -> float:
         """Standard deviation in force of an output, the `index`-th of the model, in recording `number`."""

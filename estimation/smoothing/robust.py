@@ -149,6 +149,15 @@ class RobustSolution(Solution):
         """The program's numbers with the scales of squares."""
         return _scaled(self.values, self.term("samples"), 1.0 / np.sqrt(self.weights * self.gain))
 
+    @property
+    def ungained(self) -> Values:
+        """The numbers whose cost the solution is the least of: with the weights, and without what they lack for deviations."""
+        return _scaled(self.values, self.term("samples"), 1.0 / np.sqrt(self.gain))
+
+    def with_gain(self, gain: Array) -> RobustSolution:
+        """The same with another c."""
+        return replace(self, values=_scaled(self.ungained, self.term("samples"), np.sqrt(gain)), gain=gain)
+
     def squares(self) -> tuple[Array, Array]:
         """psi^2 and what it should be with the right scale (ny, all samples)."""
         remaining = self.remaining

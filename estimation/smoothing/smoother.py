@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from backsight.models.errors import SolveError
+from backsight.models.errors import InputError, SolveError
 from backsight.ocp import Horizon, Options, Solution, Status
 from backsight.ocp.follow import Followed
 from backsight.ocp.ipopt import FINE
@@ -21,6 +21,7 @@ from backsight.ocp.ipopt import FINE
 from ..arguments import check_kind
 from ..holds import with_better_hold
 from ..problem import Problem
+from ..recordings.gaps import rates_note
 from ..results import Smoothing
 from .along import RIGID, exact_forces
 from .approach import TIGHTEST, approach
@@ -30,7 +31,7 @@ from .delays import settled
 from .horizons import check_varies, output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
-from .marginal import marginal
+from .marginal import Moved, marginal
 from .mesh_error import Checked, refine
 from .meshing import Meshed, follow_closely, mesh
 from .outcome import Run, outcome
@@ -68,6 +69,8 @@ def smooth(
     asked_for, say = settings is None, progress or (lambda _: None)  # by somebody, and not as a part of something else
     if asked_for:
         check_varies(problem)
+        if (note := rates_note([r for r in problem.recordings if r.role == "fit"])) is not None:
+            say(note)
     settings = settings or Settings()
     if settings.seconds < math.inf:
         settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))
@@ -79,7 +82,11 @@ def smooth(
     posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
     if asked_for and not result.solver.converged and (plain := freed(problem)) is not None:
         say("without what was given beforehand")
-        without = smooth(plain, settings=settings, begin=begin, progress=progress)
+        plain = replace(plain, recordings=[r for r in plain.recordings if r.role == "fit"])
+        try:
+            without = smooth(plain, settings=settings, begin=begin, progress=progress)
+        except (SolveError, InputError):
+            return result
         return replace(result, notes=(blamed(problem, without), *result.notes)) if without.solver.converged else result
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
         return result
@@ -175,10 +182,12 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     if checked.solution is not choice.solution:
         choice, stds = work.refined(choice, checked, stds, meshed.least_std)
     last = ended(problem, choice.solution, say)
+    moved = Moved(solution=last)
     if settings.marginal and settings.options.tolerance <= FINE:
-        last = marginal(Program.at(problem, last), last, say)
+        moved = marginal(Program.at(problem, last), last, say)
+        last = moved.solution
     choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
-    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error)
+    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error, said=moved.said)
     return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
 
 

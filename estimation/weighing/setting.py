@@ -44,7 +44,8 @@ class Setting:
 class Outcome:
     """What a setting gave; everything in SI, and nothing that JSON cannot keep.
 
-    weights: label -> std. parameters: name -> (value, std), of most marginal likelihood, NaN where the data do not tell it. misfit, force:
+    weights: label -> std. parameters: name -> (value, std), of most marginal likelihood, NaN where the data do not tell it, which held_out
+    supposes; all else is of the most probable parameters together with a trajectory, as is the likelihood of the weights. misfit, force:
     output -> rms of measured less modelled, place -> rms of the residual force away from rest, each with the balance of its rows: the root
     of their squares over what the weight supposes of them, 1 where the two agree.
     log_likelihood: of the fitted recordings, held_out: of the others, each but for a constant of the mesh; NaN where it is none.
@@ -111,7 +112,7 @@ class Stand:
         }
         if not solved.status.converged or solution.curvature is None:
             return Outcome(converged=False, **common)
-        told = marginal(turned.program, solution, lambda _: None)
+        told = marginal(turned.program, solution, lambda _: None).solution
         likelihood = Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
         return Outcome(
             converged=True,
