@@ -23,7 +23,7 @@ from .robust import RobustSolution
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-WORTH = 0.05  # of a deviation: a step that no one would notice
+WORTH = 0.1  # of a deviation: a step that no one would notice
 NEAR = 0.3  # of a deviation: what may be left of the way where steps do not settle
 BOLDEST = 1.0  # deviation: the longest step
 STEPS, STALE = 16, 4  # at most, and those in a row that lead no nearer
