@@ -19,6 +19,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 NAMED = 3  # of the farthest samples
 UNEXPECTED = 8.0  # deviations of a prediction error that no motion of the model leads to
+FEW, TOGETHER = 3, 2.5  # so many samples, half of which are so many deviations off, that chance is one in 10^4
 
 
 def outlier_notes(problem: Problem, solution: Solution, errors: Mapping[str, Mapping[str, Array]]) -> list[str]:
@@ -59,7 +60,7 @@ def _taken_as_they_are(problem: Problem, output: str, errors: Mapping[str, Mappi
         first = done.get(r.name, 0)
         done[r.name] = first + len(r.time)
         told = errors.get(r.name, {}).get(output, np.empty(0))[first : first + len(r.time)]
-        parts.append(_outlying(r, output) & (np.abs(told) > UNEXPECTED if len(told) == len(r.time) else True))
+        parts.append(_unexpected(_outlying(r, output), told))
     off = np.concatenate(parts)
     if not off.any():
         return []
@@ -68,6 +69,18 @@ def _taken_as_they_are(problem: Problem, output: str, errors: Mapping[str, Mappi
         f"{count} samples stand far off their neighbours ({where})" if count > 1 else f"one sample stands far off its neighbours ({where})"
     )
     return [f'{output}: {who}: residual forces and parameters follow what the square makes of that. Give the output loss = "auto".']
+
+
+def _unexpected(off: Mask, told: Array) -> Mask:
+    """Of samples that stand off their neighbours those that the model does not expect, by its prediction errors if there are any.
+
+    One by one where they are far off; all, where most of a few are off: forces that follow them make every single one look likelier.
+    """
+    if len(told) != len(off):
+        return off
+    size = np.abs(told)
+    together = np.count_nonzero(off) >= FEW and float(np.nanmedian(size[off])) > TOGETHER
+    return off if together else off & (size > UNEXPECTED)
 
 
 def _outlying(recording: Recording, output: str) -> Mask:

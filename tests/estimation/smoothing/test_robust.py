@@ -12,6 +12,7 @@ from examples import OFFSET, D, K, M, compiled, oscillator
 from scipy import integrate, optimize, stats
 
 from backsight.estimation import Free, OutputColumn, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.smoothing.outliers import _unexpected
 from backsight.estimation.smoothing.robust import CORNER, expected_slope, expected_square, heavy_tailed, weight
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.models.errors import InputError
@@ -199,6 +200,18 @@ def test_outliers_that_are_squared_are_named_with_the_remedy(given):
     assert re.search(r"samples? stands? far off (its|their) neighbours? \(t = ", note)
     assert note.endswith('Give the output loss = "auto".')
     assert not any("far off" in note for note in fitted(recorded(3, loss="square", given=given)).notes)
+
+
+def test_samples_that_are_off_together_need_not_be_far_off_each():
+    """Forces that follow outliers promise large errors: each of these is one in a hundred then, and half of them are not by chance."""
+    off, told = np.zeros(100, dtype=bool), np.random.default_rng(0).standard_normal(100)
+    off[[3, 40, 41, 90]] = True
+    assert not _unexpected(off, told).any()
+    told[off] = [3.0, -2.8, 0.2, 4.0]
+    assert np.array_equal(_unexpected(off, told), off)
+    told[off] = [0.1, 0.3, -0.5, 9.0]
+    assert np.flatnonzero(_unexpected(off, told)).tolist() == [90]
+    assert np.array_equal(_unexpected(off, np.empty(0)), off)
 
 
 def test_without_outliers_auto_is_least_squares():
