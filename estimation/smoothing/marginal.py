@@ -35,10 +35,14 @@ NEIGHBOURS = 2  # intervals beside those near rest between which determinants pa
 
 @dataclass(frozen=True, kw_only=True)
 class Moved:
-    """A solution at the parameters of most marginal likelihood, or as near as steps led, and a sentence about it where one is due."""
+    """A solution at the parameters of most marginal likelihood, or as near as steps led, and a sentence about it where one is due.
+
+    far: deviations that the parameter which moved farthest is from where the steps began.
+    """
 
     solution: Solution
     said: tuple[str, ...] = ()
+    far: float = 0.0
 
 
 def marginal(program: Program, solution: Solution, say: Callable[[str], None]) -> Moved:
@@ -106,7 +110,7 @@ class _Way:
         name = t.dae.parameters[t.nlp.free[int(moving[k])]].name
         distance = f"{name} is {far[k]:+.2g} deviations from its most probable value together with a trajectory"
         said = (f"Parameters are those of most marginal likelihood: {distance}.",) if abs(far[k]) > TOLD else ()
-        return Moved(solution=best.solution, said=said)
+        return Moved(solution=best.solution, said=said, far=abs(float(far[k])))
 
     def _step(self, solution: Solution, moving: NDArray[np.int64], A: Array, F: Array, std: Array) -> Array:
         """argmin |A step - F| within the bounds."""
@@ -127,10 +131,15 @@ class _Way:
         found = held.solve(decisions, held.values, True, self._say)
         if isinstance(found, RobustSolution) and isinstance(before, RobustSolution):
             found = found.with_gain(before.gain)  # its own is that of known parameters
-        n, solved = before.transcription.nlp.trajectory_size, found.solved
-        on = (k for k in on_bound(solved.decisions, program.lower, program.upper, found.values.unit) if k >= n)
-        own = (*(k for k in solved.on_bound if k < n), *on)
-        return replace(found, solved=replace(solved, on_bound=own, iterations=before.solved.iterations + solved.iterations))
+        found = released(program, found)
+        return replace(found, solved=replace(found.solved, iterations=before.solved.iterations + found.solved.iterations))
+
+
+def released(program: Program, solution: Solution) -> Solution:
+    """A solution with its parameters held as one of the program in which they are free: of them only what lies on a bound is held by it."""
+    n, solved = solution.transcription.nlp.trajectory_size, solution.solved
+    on = (k for k in on_bound(solved.decisions, program.lower, program.upper, solution.values.unit) if k >= n)
+    return replace(solution, solved=replace(solved, on_bound=(*(k for k in solved.on_bound if k < n), *on)))
 
 
 def at(solution: Solution) -> Marginal:

@@ -31,7 +31,7 @@ from .delays import settled
 from .horizons import check_varies, output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
-from .marginal import Moved, marginal
+from .marginal import Moved, marginal, released
 from .mesh_error import Checked, refine
 from .meshing import Meshed, follow_closely, mesh
 from .outcome import Run, outcome
@@ -39,13 +39,15 @@ from .prediction import predict
 from .program import Program, Settings, ended, make_program
 from .rest import FrictionLaw, friction_laws, smoothing_widths
 from .unseen import moving_unseen, unseen_states
-from .variances import LEAST_NOISE, Choice, choose_weights
+from .variances import CLOSE, LEAST_NOISE, Choice, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
 
 MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mesh is chosen anew
 ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the way
+FAR = 0.5  # of a deviation that the last steps moved a parameter: beyond, weights from the data are others there
+ALTERNATIONS = 4
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -185,6 +187,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     moved = Moved(solution=last)
     if settings.marginal and settings.options.tolerance <= FINE:
         moved = marginal(Program.at(problem, last), last, say)
+        choice, stds, moved = work.weighed_again(choice, moved, stds, meshed.least_std)
         last = moved.solution
     choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
     run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error, said=moved.said)
@@ -278,6 +281,27 @@ class _Work:
         program = self.of_degree(t.degree).program(t.horizons, followed_by(solution), force_std, solution.parameters)
         second = self.chosen(program, least_std, now)
         return (second, now) if second.solution.solved.status.converged else (kept, now)
+
+    def weighed_again(self, choice: Choice, moved: Moved, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds, Moved]:
+        """Weights from the data at the parameters of most marginal likelihood, where these are far from the first, and these again."""
+        farthest = moved.far
+        for _ in range(ALTERNATIONS):
+            t = moved.solution.transcription
+            if farthest < FAR or not (set(t.soft) - set(self.given) or any(self.open_outputs)):
+                break
+            horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(t.horizons, choice.output_factor, strict=True)]
+            force_std, now = dict(zip(t.soft, choice.force_std.tolist(), strict=True)), self.in_force(stds, choice)
+            program = self.of_degree(t.degree).program(horizons, followed_by(moved.solution), force_std, moved.solution.parameters)
+            second = self.chosen(program.held, least_std, now)
+            if not second.solution.solved.status.converged:
+                break
+            again = marginal(program, released(program, second.solution), self.say)
+            change = np.log(np.concatenate([second.force_std / choice.force_std, second.output_factor.ravel()]))
+            choice, stds = replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
+            moved = replace(again, said=moved.said)
+            if again.far < FAR and np.max(np.abs(change)) < CLOSE:
+                break
+        return choice, stds, moved
 
     def in_force(self, stds: Stds, choice: Choice) -> Stds:
         """The outputs' standard deviations with the factors that were chosen."""

@@ -220,3 +220,15 @@ def test_of_hubers_loss_the_cost_has_no_slope_at_its_own_optimum_whatever_the_pr
     assert np.max(np.abs(found.pull * found.std)[inside]) < 0.02
     # with what the deviations lack it would have one
     assert np.max(np.abs(replace(found, values=solution.values).pull * found.std)[inside]) > 0.05
+
+
+def test_weights_from_the_data_are_those_at_the_parameters_of_most_marginal_likelihood():
+    _, u, y = run(2000, 3)
+    result = smoothed(u, y, weights=Weights())
+    there = {name: result.parameters[name].value for name in NAMES}
+    held = smoothed(u, y, weights=Weights(), parameters=there)
+    assert any(note.startswith("Parameters are those of most marginal likelihood: ") for note in result.notes)
+    assert result.weights.W["mass"] == pytest.approx(held.weights.W["mass"], rel=0.005)
+    damping, given = result.parameters["damper.d"], smoothed(u, y).parameters["damper.d"]
+    assert given.std is not None
+    assert damping.value == pytest.approx(given.value, abs=0.3 * given.std)
