@@ -125,7 +125,8 @@ class Bordered:
         ):
             inverse[where] = block[tuple(i[where] for i in indices)]
         twice = np.where(rows == columns, 1.0, 2.0) * self.size[rows] * self.size[columns]
-        return np.bincount(np.maximum(kr, 0), weights=twice * values * inverse, minlength=self.at.count)
+        found = np.bincount(np.maximum(kr, 0), weights=twice * values * inverse, minlength=self.at.count)
+        return found.astype(np.float64)  # of no entries it would be of integers
 
     @cached_property
     def _inverse(self) -> tuple[Array, Array, Array, Array]:

@@ -209,7 +209,7 @@ class Solver:
             status=status,
             iterations=iterations,
             seconds=time.perf_counter() - began,
-            on_bound=on_bound(decisions, lower, upper, values.unit),
+            on_bound=_on_bound(decisions, lower, upper, values.unit),
             by_steps=by_steps,
         )
 
@@ -234,7 +234,7 @@ class Solver:
                 answer = found
                 break
         seconds = solved.seconds + time.perf_counter() - began
-        there = tuple(sorted({*held, *on_bound(answer.decisions, *free, values.unit)}))
+        there = tuple(sorted({*held, *_on_bound(answer.decisions, *free, values.unit)}))
         return replace(answer, seconds=seconds, on_bound=there)
 
     def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:
@@ -375,6 +375,6 @@ class FixedPoint:
         return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)
 
 
-def on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
+def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
     """Decisions within a thousandth of their unit from one of their bounds."""
     return tuple(np.flatnonzero(np.minimum(decisions - lower, upper - decisions) < 1e-3 * unit).tolist())

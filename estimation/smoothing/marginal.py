@@ -5,7 +5,7 @@ Near rest a law's rounded sign is steep and its creep no physics, so that those 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,6 @@ from scipy.ndimage import binary_dilation
 from scipy.optimize import lsq_linear
 
 from backsight.ocp import ParameterPrior, Solution, Solver
-from backsight.ocp.ipopt import on_bound
 from backsight.ocp.marginal import Marginal
 
 from .program import Program
@@ -26,6 +25,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 WORTH = 0.1  # of a deviation: a step that no one would notice
 NEAR = 0.3  # of a deviation: what may be left of the way where steps do not settle
 BOLDEST = 1.0  # deviation: the longest step
+EDGE = 1e-3  # of a deviation from a bound: that is on it
 STEPS, STALE = 16, 4  # at most, and those in a row that lead no nearer
 TOLD = 0.5  # of a deviation: a distance from the most probable parameters together with a trajectory that is worth a word
 TILTED = 0.01  # of a deviation: a slope at the answer that tells it from these
@@ -131,15 +131,19 @@ class _Way:
         found = held.solve(decisions, held.values, True, self._say)
         if isinstance(found, RobustSolution) and isinstance(before, RobustSolution):
             found = found.with_gain(before.gain)  # its own is that of known parameters
-        found = released(program, found)
+        places = before.transcription.nlp.trajectory_size + here.moving
+        p, room = decisions[places], EDGE * here.std
+        edge = (p - program.lower[places] < room) | (program.upper[places] - p < room)
+        rest = np.setdiff1d(before.solved.on_bound, places)
+        found = released(found, [*rest.tolist(), *places[edge].tolist()])
         return replace(found, solved=replace(found.solved, iterations=before.solved.iterations + found.solved.iterations))
 
 
-def released(program: Program, solution: Solution) -> Solution:
-    """A solution with its parameters held as one of the program in which they are free: of them only what lies on a bound is held by it."""
+def released(solution: Solution, on_bound: Iterable[int]) -> Solution:
+    """A solution with its parameters held as one in which they are free: of them only these decisions are held, by their bounds."""
     n, solved = solution.transcription.nlp.trajectory_size, solution.solved
-    on = (k for k in on_bound(solved.decisions, program.lower, program.upper, solution.values.unit) if k >= n)
-    return replace(solution, solved=replace(solved, on_bound=(*(k for k in solved.on_bound if k < n), *on)))
+    own = (*(k for k in solved.on_bound if k < n), *(k for k in on_bound if k >= n))
+    return replace(solution, solved=replace(solved, on_bound=own))
 
 
 def at(solution: Solution) -> Marginal:

@@ -79,7 +79,8 @@ def _unexpected(off: Mask, told: Array) -> Mask:
     if len(told) != len(off):
         return off
     size = np.abs(told)
-    together = np.count_nonzero(off) >= FEW and float(np.nanmedian(size[off])) > TOGETHER
+    few = size[off & np.isfinite(size)]
+    together = len(few) >= FEW and float(np.median(few)) > TOGETHER
     return off if together else off & (size > UNEXPECTED)
 
 

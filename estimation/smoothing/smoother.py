@@ -295,7 +295,7 @@ class _Work:
             second = self.chosen(program.held, least_std, now)
             if not second.solution.solved.status.converged:
                 break
-            again = marginal(program, released(program, second.solution), self.say)
+            again = marginal(program, released(second.solution, moved.solution.solved.on_bound), self.say)
             change = np.log(np.concatenate([second.force_std / choice.force_std, second.output_factor.ravel()]))
             choice, stds = replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
             moved = replace(again, said=moved.said)
