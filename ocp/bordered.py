@@ -74,7 +74,7 @@ class Bordered:
     """A matrix with all rows in units `size` in which their largest entries are near one, and without the rows that are `fixed`.
 
     diagonal (N, b, b), lower (N - 1, b, b), edge (N, b, nk), corner (nk, nk): its blocks. idle (N, b): places of blocks where nothing
-    stands, with a one on the diagonal; kept (nk,): the places of the border that are not fixed.
+    stands, with a one on the diagonal; kept (nk,): the places of the border that are not fixed; place: of all, there among these.
     """
 
     at: Places
@@ -86,6 +86,7 @@ class Bordered:
     corner: Array
     idle: Mask
     kept: Index
+    place: Index
 
     @cached_property
     def tree(self) -> BlockTridiagonal:
@@ -113,8 +114,7 @@ class Bordered:
         rows, columns, values = rows[keep], columns[keep], values[keep]
         behind = self.at.block[rows] < self.at.block[columns]
         rows, columns = np.where(behind, columns, rows), np.where(behind, rows, columns)
-        place = _kept_places(self.at, self.kept)
-        (kr, ir), (kc, ic) = ((self.at.block[i], place[i]) for i in (rows, columns))
+        (kr, ir), (kc, ic) = ((self.at.block[i], self.place[i]) for i in (rows, columns))
         diagonal, lower, edge, corner = self._inverse
         inverse = np.zeros(len(values))
         for block, where, indices in (
@@ -156,13 +156,16 @@ def bordered(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softness
     free = np.ones(at.border, dtype=bool)
     free[at.place[fixed & (at.block < 0)]] = False
     kept = np.flatnonzero(free)
-    diagonal, lower, edge, corner = _dense(at, kept, rows, columns, values * size[rows] * size[columns])
+    place = _kept_places(at, kept)
+    diagonal, lower, edge, corner = _dense(at, place, len(kept), rows, columns, values * size[rows] * size[columns])
     idle = np.ones((at.count, at.size), dtype=bool)
     inside = (at.block >= 0) & ~fixed
     idle[at.block[inside], at.place[inside]] = False
     k, i = np.nonzero(idle)
     diagonal[k, i, i] = 1.0
-    return Bordered(at=at, size=size, fixed=fixed, diagonal=diagonal, lower=lower, edge=edge, corner=corner, idle=idle, kept=kept)
+    return Bordered(
+        at=at, size=size, fixed=fixed, diagonal=diagonal, lower=lower, edge=edge, corner=corner, idle=idle, kept=kept, place=place
+    )
 
 
 def _kept_places(at: Places, kept: Index) -> Index:
@@ -189,11 +192,11 @@ def _equilibrated(rows: Index, columns: Index, values: Array, count: int) -> Arr
     return np.exp2(np.round(np.log2(size)))
 
 
-def _dense(at: Places, kept: Index, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
+def _dense(at: Places, place: Index, kept: int, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
     """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle, each of them once."""
     b = at.size
     diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, b))
-    border, corner, place = np.zeros((at.count, b, len(kept))), np.zeros((len(kept), len(kept))), _kept_places(at, kept)
+    border, corner = np.zeros((at.count, b, kept)), np.zeros((kept, kept))
     mirrored = rows != columns
     r, c = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
     v = np.concatenate([values, values[mirrored]])

@@ -27,14 +27,14 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from .bordered import Index, bordered, entries
-from .curvature import Curvature, curvature
+from .curvature import Curvature
 from .nlp import Values
 from .polynomials import Array
 from .solution import Solution
 
 Mask = NDArray[np.bool_]
 SHARE = 0.1  # of a parameter's deviation: how far slopes of determinants look, ahead and back
-FIRST = 1e3
+FIRST = 1e3  # times its part in a null direction: what is on a bound is held before all else
 MOVES = 1e-4  # of the largest part of a null direction, in the program's units: less is rounding
 
 
@@ -151,20 +151,12 @@ class Marginal:
         """With what does not move held."""
         n, count = self.solution.transcription.nlp.trajectory_size, len(self.solution.transcription.nlp.free)
         held = n + np.setdiff1d(np.arange(count), self.moving)
-        return self._with(np.union1d(self._held, held)) if len(held) else self._whole
+        return self.solution.curvature_with(np.union1d(self._held, held)) if len(held) else self._whole
 
     @cached_property
     def _whole(self) -> Curvature | None:
         """With all parameters free."""
-        return self.solution.curvature if len(self._held) == len(self.solution.held) else self._with(self._held)
-
-    def _with(self, known: Index) -> Curvature | None:
-        s = self.solution
-        try:
-            found = curvature(s.transcription.nlp, *s.solver.kkt(s.solved.decisions, s.values), s.values.unit, known)
-        except np.linalg.LinAlgError:
-            return None
-        return found if found.definite else None
+        return self.solution.curvature if len(self._held) == len(self.solution.held) else self.solution.curvature_with(self._held)
 
     @property
     def _held(self) -> Index:

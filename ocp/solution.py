@@ -55,9 +55,13 @@ class Solution:
     @cached_property
     def curvature(self) -> Curvature | None:
         """Covariances from the Gauss-Newton KKT matrix; None where it is not that of a minimum."""
+        return self.curvature_with(self.held)
+
+    def curvature_with(self, known: NDArray[np.int64]) -> Curvature | None:
+        """The same with other decisions that cannot move."""
         hessian, jacobian, softness = self.solver.kkt(self.solved.decisions, self.values)
         try:
-            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, self.held)
+            found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, known)
         except np.linalg.LinAlgError:
             return None
         return found if found.definite else None

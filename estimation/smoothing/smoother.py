@@ -284,11 +284,10 @@ class _Work:
 
     def weighed_again(self, choice: Choice, moved: Moved, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds, Moved]:
         """Weights from the data at the parameters of most marginal likelihood, where these are far from the first, and these again."""
-        farthest = moved.far
+        if moved.far < FAR or not (set(moved.solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
+            return choice, stds, moved
         for _ in range(ALTERNATIONS):
             t = moved.solution.transcription
-            if farthest < FAR or not (set(t.soft) - set(self.given) or any(self.open_outputs)):
-                break
             horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(t.horizons, choice.output_factor, strict=True)]
             force_std, now = dict(zip(t.soft, choice.force_std.tolist(), strict=True)), self.in_force(stds, choice)
             program = self.of_degree(t.degree).program(horizons, followed_by(moved.solution), force_std, moved.solution.parameters)
