@@ -36,11 +36,12 @@ from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
 from .along import forces
+from .driven_fit import elsewhere
 from .program import Settings, make_program, renewed
 from .rest import FrictionLaw, left_alone, rounded
 from .softened import softened
 from .telling import telling_places
-from .unseen import complete, sought, unseen_states
+from .unseen import complete, of_the_right_size, sought, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
@@ -53,7 +54,6 @@ BATCHES = 4  # of Gauss-Newton steps at such a share, at most, and
 PAID = 0.01  # the share of the cost that one must save for another one to be worth its while
 STARTS = 3  # descents, at most, until one is as tight as
 NEAR = 0.05  # which a model may strain that leaves something out, wherever it starts
-SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 SAME = 1e-2  # relative difference of the costs of two ends that are one
 DRIVEN = (0.01, 0.1**1.5, 0.1)  # shares at which descents begin where the unseen was driven, and
 CLEAN = 1.2  # squares per sample at which none of them needs another one
@@ -90,8 +90,10 @@ def approach(
     Widths of the laws that the user gave stay; those of the others end as they stand in `parameters`. least: place -> standard deviation
     that its residual force is given; it gets no less.
     """
-    near, telling, own = _near(problem), telling_places(problem), len(problem.dae.places)
-    hidden = bool(unseen_states(problem))
+    telling, own, hidden = telling_places(problem), len(problem.dae.places), bool(unseen_states(problem))
+    if hidden and not telling:
+        problem, parameters = of_the_right_size(problem, followed, laws, parameters)
+    near = _near(problem)
     rng, found = np.random.default_rng(0), list[Approach]()
     if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
         return _ended(way, laws, parameters, own)
@@ -101,8 +103,7 @@ def approach(
         start = parameters.copy()
         if number:
             say(f"another start, {number + 1} of {STARTS} at most")
-            for i in problem.free:
-                start[i] = _within(problem, i, parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0))
+            start = elsewhere(problem, parameters, rng)
         begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
         found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain, opens))
         if found[-1].share <= NEAR or any(_the_same(found[-1], other) for other in found[:-1]):
@@ -247,11 +248,6 @@ def _followed(solution: Solution, before: Followed) -> Followed:
 
 def _silent(_: str) -> None:
     """A descent says what it does by itself."""
-
-
-def _within(problem: Problem, index: int, value: float) -> float:
-    """A value inside the bounds of a parameter."""
-    return float(np.clip(value, *problem.parameter_range(index)))
 
 
 def _near(problem: Problem) -> Problem:

@@ -24,12 +24,15 @@ from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
 from .along import forces
+from .common_factor import KnownForces
 from .driven import Driven, Run, simulated
 from .softened import bare_rows
 
 ROUNDS, SAME = 6, 0.02  # of the s_k, at most, and their relative change at which they are as good as settled
 EXACT = 1e-6  # of the forces at a balance: it need not hold better
 STEPS = 20  # of Gauss and Newton in a round, at most
+GOOD = 0.3  # share of the known forces that balances may leave over where the fit has met what moves there
+SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 PAID = 1e-3  # the share of the cost that a step must save for another one to be worth its while
 
 BEGINNING = 10  # share of a recording by which it is told how the unseen begin, inverse
@@ -123,13 +126,38 @@ class Seen:
         return ca.Function("balances", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p, pieces.p_ref], [ca.densify(a) for a in answers])
 
 
-def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Array) -> tuple[Array, float]:
-    """Parameters (np_all,) with which the lags balance what is seen, and the largest share of its forces that a balance then leaves over.
+def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Array, starts: int = 1) -> tuple[Array, float]:
+    """Parameters (np_all,) with which the unseen balances what is seen, and the largest share of its forces a balance then leaves over.
 
-    Free parameters are held near their guesses by their std. Where the lags have no finite answer: start itself, and 1.
+    Free parameters are held near their guesses by their std. Where the unseen has no finite answer: start itself, and 1. starts: at most,
+    within a factor of `start`, until what is left of the known forces is GOOD; the least counts.
     """
+    seen, rng = Seen(problem, Driven(problem.dae, rows, problem.free), followed, start), np.random.default_rng(0)
+    first = _fitted_from(seen, start)
+    if starts == 1:
+        return first
+    known = KnownForces(problem, rows, followed)
+    best = known.left(first[0])
+    for _ in range(starts - 1):
+        if not best > np.log(GOOD):
+            break
+        other = _fitted_from(seen, elsewhere(problem, start, rng))
+        if (left := known.left(other[0])) < best:
+            first, best = other, left
+    return first
+
+
+def elsewhere(problem: Problem, parameters: Array, rng: np.random.Generator) -> Array:
+    """Parameters (np_all,) with the free ones within a factor of these, and within their bounds."""
+    other = parameters.copy()
+    for i in problem.free:
+        other[i] = np.clip(parameters[i] * SPREAD ** rng.uniform(-1.0, 1.0), *problem.parameter_range(i))
+    return other
+
+
+def _fitted_from(seen: Seen, start: Array) -> tuple[Array, float]:
+    problem = seen.problem
     free = list(problem.free)
-    seen = Seen(problem, Driven(problem.dae, rows, problem.free), followed, start)
 
     @lru_cache(maxsize=1)  # rows and slope are asked for one after the other
     def at(p: tuple[float, ...]) -> tuple[Array, Array]:

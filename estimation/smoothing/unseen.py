@@ -22,6 +22,7 @@ from backsight.ocp.scaling import scaled
 
 from ..problem import Problem
 from .along import forces
+from .common_factor import KnownForces
 from .driven import Driven, lags_of, own_rows, simulated, stopping
 from .driven_fit import Seen, fitted, known_start
 from .driven_search import searched
@@ -30,6 +31,7 @@ from .rest import ROUNDING, FrictionLaw, left_alone, rounded
 
 ROUNDED = (1e3, 1.0, 0.3, 0.1)  # widths of the friction laws over the rms of their velocities, from solve to solve
 TOLD = 0.01  # of the outputs' own variation: what residual forces may move them in a tenth of the record
+STARTS = 8  # of the fit of a body that nothing shows, at most: its resonance has to be met
 LOOKED_AT = 20  # places of a recording where the model is linearised
 OPTIONS = Options(tolerance=1e-3, gauss_newton_iterations=20, max_passes=1)  # of a start: what comes after moves it again
 
@@ -47,16 +49,34 @@ def unseen_states(problem: Problem) -> list[str]:
 def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> tuple[Followed, Array, float]:
     """The followed trajectories with the unseen states moved as the model moves them, at which parameters (np_all,), and how well.
 
-    Lags bring parameters along with which they balance what is seen; then the share of its forces that a balance leaves over at most.
-    Else parameters are those given, and nobody knows: 1. Free parameters have a std about their guesses.
+    Lags, and bodies driven by what is seen, bring parameters along with which they balance that; then the share of its forces that a
+    balance leaves over at most. Else parameters are those given, and nobody knows: 1. Free parameters have a std about their guesses.
     """
+    rows, driven = lags_of(problem.dae, set(unseen_states(problem))), driven_rows(problem, laws)
+    if driven and problem.free:
+        gently = rounded(problem, left_alone(problem, laws), followed, start, ROUNDED[-1])
+        parameters, share = fitted(problem, driven, followed, gently, 1 if driven == rows else STARTS)
+        return simulated(Driven(problem.dae, driven), followed, parameters), parameters, share
+    return _completed(problem, simulated(Driven(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
+
+
+def of_the_right_size(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> tuple[Problem, Array]:
+    """The problem and start (np_all,) with guesses that are off by decades together brought near (`common_factor.py`)."""
+    rows = driven_rows(problem, laws)
+    known = KnownForces(problem, rows, followed)
+    factor = known.factor(start) if rows else 1.0
+    return (problem, start) if factor == 1.0 else known.multiplied(start, factor)
+
+
+def driven_rows(problem: Problem, laws: tuple[FrictionLaw, ...]) -> dict[int, int]:
+    """All unseen states, state -> its row of the residual, where they are lags or driven by what is seen and no law can hold them."""
     unseen = set(unseen_states(problem))
     rows = lags_of(problem.dae, unseen)
-    if len(rows) == len(unseen) and not problem.dae.algebraics and problem.free:
-        gently = rounded(problem, left_alone(problem, laws), followed, start, ROUNDED[-1])
-        parameters, share = fitted(problem, rows, followed, gently)
-        return simulated(Driven(problem.dae, rows), followed, parameters), parameters, share
-    return _completed(problem, simulated(Driven(problem.dae, rows), followed, start) if rows else followed, laws, start), start, 1.0
+    if problem.dae.algebraics:
+        return {}
+    if len(rows) == len(unseen):
+        return rows
+    return {} if sticking(problem, laws) else own_rows(problem.dae, unseen)
 
 
 def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> Followed:

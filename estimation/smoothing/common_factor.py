@@ -1,0 +1,111 @@
+"""A factor common to the guesses of what forces are proportional to: masses in grams, torques in N mm, a machine of another size.
+
+A balance in which all masses, stiffnesses and dampings are a thousand times too large does not feel the input: what it leaves over is a
+small share of its forces, and no step of Gauss and Newton leads back. Where all of what moves is seen, balances are linear in them and one
+step is enough. Where some of it is driven by the rest (`driven.py`) a balance is asked what it leaves over of the forces that are known,
+
+    R(p) = rms F(p) / rms F(0),        F(0): inputs, weights, all that no free parameter multiplies
+
+which is 1 where the parameters explain nothing and grows with all that is too large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from backsight.ocp.follow import Followed
+from backsight.ocp.polynomials import Array
+
+from ..problem import Free, Problem
+from .driven import Driven
+
+DECADES = 1.5  # from which on guesses are beyond what a fit is started from: up or down
+
+
+@dataclass(frozen=True)
+class KnownForces:
+    """What balances of what is seen leave over of the forces that are known, with the unseen driven along the followed trajectories.
+
+    rows: of the unseen, state -> row of the residual.
+    """
+
+    problem: Problem
+    rows: Mapping[int, int]
+    followed: Followed
+
+    @cached_property
+    def proportional(self) -> dict[int, Free]:
+        """The free parameters without a std that the residual is jointly linear in, by their index."""
+        dae, found = self.problem.dae, dict[int, Free]()
+        for i in self.problem.free:
+            given = self.problem.parameters[dae.parameters[i].name]
+            if isinstance(given, Free):
+                found[i] = given
+        p = ca.vertcat(*(dae.p[i] for i in found))
+        bent = ca.jacobian(ca.vec(ca.jacobian(dae.residual, p)), p)
+        return {i: free for k, (i, free) in enumerate(found.items()) if not bent[:, k].nnz()}
+
+    def left(self, parameters: Array) -> float:
+        """Mean of log R over the balances with known forces; NaN where there is none, inf where the unseen has no finite motion."""
+        whole, known = self._sizes(parameters)
+        told = known > 0
+        if not told.any():
+            return np.nan
+        return float(np.mean(np.log(whole[told] / known[told]))) if np.all(np.isfinite(whole)) else np.inf
+
+    def factor(self, parameters: Array) -> float:
+        """By how much to multiply: a power of ten, 1 where forces are about as large as those that are known."""
+        if not self.proportional:
+            return 1.0
+        F, known = self._at(parameters)
+        told = np.any(known != 0, axis=1)
+        size = _rms((F - known)[told]) / _rms(known[told])
+        if not told.any() or not np.all(np.isfinite(size)) or np.any(size == 0):
+            return 1.0
+        decades = -float(np.mean(np.log10(size)))
+        return 10.0 ** round(decades) if abs(decades) > DECADES else 1.0
+
+    def multiplied(self, parameters: Array, factor: float) -> tuple[Problem, Array]:
+        """The problem with other guesses, and the parameters (np_all,), within their bounds."""
+        problem, given, values = self.problem, dict(self.problem.parameters), parameters.copy()
+        for i, free in self.proportional.items():
+            low, high = problem.parameter_range(i)
+            values[i] = np.clip(parameters[i] * factor, low, high)
+            given[problem.dae.parameters[i].name] = replace(free, guess=float(np.clip(free.guess * factor, low, high)))
+        return replace(problem, model=problem.dae, parameters=given), values
+
+    def _sizes(self, parameters: Array) -> tuple[Array, Array]:
+        F, known = self._at(parameters)
+        return _rms(F), _rms(known)
+
+    def _at(self, parameters: Array) -> tuple[Array, Array]:
+        """F(p) and F(0) between all samples of all recordings, (balances, M)."""
+        driven, own, parts = Driven(self.problem.dae, dict(self.rows)), list(self.rows), []
+        for number in range(len(self.followed.horizons)):
+            run = driven.run(self.followed, number, parameters)
+            dx, x, *others = driven.along(self.followed, number, run.times)
+            dx, x, count = dx.copy(), x.copy(), len(run.times)
+            dx[own], x[own] = run.rate, run.state
+            p = np.repeat(parameters[:, None], count, axis=1)
+            parts.append([np.asarray(a, dtype=np.float64) for a in self._function.map(count)(dx, x, *others, p)])
+        whole, known = (np.concatenate(a, axis=1) for a in zip(*parts, strict=True))
+        return whole, known
+
+    @cached_property
+    def _function(self) -> Any:
+        dae, unseen = self.problem.dae, set(self.rows.values())
+        seen = [row for row, e in enumerate(dae.equations) if e.place is not None and row not in unseen]
+        F = dae.undisturbed(dae.residual[seen])
+        p = ca.vertcat(*(dae.p[i] for i in self.proportional))
+        answers = [F, ca.substitute(F, p, ca.SX.zeros(p.shape))]
+        return ca.Function("known_forces", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p], [ca.densify(a) for a in answers])
+
+
+def _rms(F: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(F**2, axis=1)), dtype=np.float64)
