@@ -8,6 +8,8 @@ Whether a residual force is there at all is a question at the edge of what a var
 
 because under the null half of all estimates are zero (Self & Liang, J. Amer. Statist. Assoc. 82, 1987; Stram & Lee, Biometrics 50, 1994).
 A force counts as gone when its rows are left less than GONE degrees of freedom, so that the data could not tell a smaller one from it.
+The slope supposes that curvatures stay as they are. Where a friction law is steep they do not, and l, in which they count, may fall while
+squares come nearer to their degrees of freedom: there the root of the slope is sought, and a step counts that comes nearer to either.
 """
 
 from __future__ import annotations
@@ -109,24 +111,24 @@ def maximise(
 ) -> Found:
     """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
     here, settled = here or _at(turned, theta, None), not moving.any()
+    step, promise = _step(turned, here, moving)
     for rounds in range(1, ROUNDS + 1) if moving.any() else ():
-        # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
-        step = _step(here, moving & (turned.noise | np.greater_equal(here.freedom, GONE) | np.greater(here.slope, 0.0)))
-        promise = float(step @ here.slope) / 2
         if say is not None:
             say(f"weights from the likelihood, round {rounds}: log likelihood {here.value:.2f}, {promise:.2g} to be gained")
         if promise < gain:
             settled = True
             break
-        length = 1.0
+        length, found = 1.0, None
         while length > 0.1:
             there = _at(turned, theta + length * step, here.solution.solved.decisions)
-            if there.value > here.value - gain:
-                break
+            if np.isfinite(there.value):
+                found = _step(turned, there, moving)
+                if there.value > here.value - gain or found[1] < promise:
+                    break
             length /= 3.0
         else:
             break
-        theta, here = theta + length * step, there
+        theta, here, (step, promise) = theta + length * step, there, found
     return Found(theta=theta, moving=moving, likelihood=here, settled=settled)
 
 
@@ -169,11 +171,13 @@ def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
     return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
 
 
-def _step(here: Likelihood, moving: Mask) -> Array:
-    """AI^-1 slope over the moving weights, of bounded length."""
+def _step(turned: Turned, here: Likelihood, moving: Mask) -> tuple[Array, float]:
+    """AI^-1 slope over the moving weights, of bounded length, and what it promises of the log likelihood."""
+    # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
+    moving = moving & (turned.noise | np.greater_equal(here.freedom, GONE) | np.greater(here.slope, 0.0))
     out, I, slope = np.zeros(len(moving)), here.information[np.ix_(moving, moving)], here.slope[moving]
     size = np.sqrt(np.maximum(np.diag(I), 2.0 * np.maximum(here.freedom[moving], 0.0) + 1e-12))
     values, vectors = np.linalg.eigh(I / np.outer(size, size) + RIDGE * np.eye(len(size)))
     step = (vectors / np.maximum(values, RIDGE)) @ (vectors.T @ (slope / size)) / size
-    out[moving] = step * min(1.0, LONGEST / max(np.abs(step).max(), 1e-300))
-    return out
+    out[moving] = step * min(1.0, LONGEST / np.max(np.abs(step), initial=1e-300))
+    return out, float(out @ here.slope) / 2
