@@ -1,0 +1,71 @@
+"""Weights a hundred times off, studied: `python tests/studies/weights_off.py [--plants a,b] [--seeds 3]`.
+
+A machine of `coverage.py` is recorded twice. One recording is studied (`weigh`) from weights of which each is a hundred times too large or
+too small at random, the other is held out. Beside it the same is smoothed with the weights that the simulator has. Printed is by how much
+the errors of the windowed prediction of what was held out differ, the largest of all outputs, which should be below 2 %; and the same of
+smoothing with the weights that are off.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+from coverage import CASES, pose
+
+from backsight.estimation import Problem, Recording, Smoothing, Weights, smooth, weigh
+
+OFF = 100.0
+HELD_OUT = 1000  # added to the seed of what is held out
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--plants", default="actuator,xy_table,five_bar", help=f"of {', '.join(CASES)}")
+    parser.add_argument("--seeds", type=int, default=3, help="runs per plant (default: 3)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes of a study (default: 1)")
+    asked = parser.parse_args()
+    for plant in asked.plants.split(","):
+        for seed in range(asked.seeds):
+            began = time.perf_counter()
+            true, off = problems(plant, seed)
+            right = smooth(true)
+            found = weigh(off, jobs=asked.jobs, progress=lambda line: print(f"  {line}", file=sys.stderr, flush=True))
+            wrong = smooth(off)
+            print(
+                f"{plant} {seed}: {found.chosen}; held out {100 * further(found.recommended, right):+.2f} % "
+                f"(with the weights that are off {100 * further(wrong, right):+.2f} %), {time.perf_counter() - began:.0f} s",
+                flush=True,
+            )
+
+
+def problems(plant: str, seed: int) -> tuple[Problem, Problem]:
+    """With the weights of the simulator, and with others."""
+    posed, drawn = pose(plant, seed)
+    generator = CASES[plant].generator
+    process, rng = generator.CONDITIONS.process, np.random.default_rng([seed, *plant.encode()])
+    other = generator.record(generator.with_values({**drawn.truth, **drawn.known}), seed=seed + HELD_OUT)
+    held_out = Recording(
+        name="held out", time=other.time, inputs=other.inputs, outputs=other.outputs, output_std=other.noise, role="held_out"
+    )
+    true = replace(posed, recordings=[*posed.recordings, held_out], weights=Weights(W=dict(process), V=dict(other.noise)))
+    W = {place: std * OFF ** rng.choice([-1.0, 1.0]) for place, std in process.items()}
+    V = {output: std * OFF ** rng.choice([-1.0, 1.0]) for output, std in other.noise.items()}
+    return true, replace(true, weights=Weights(W=W, V=V))
+
+
+def further(one: Smoothing, other: Smoothing) -> float:
+    """By how much the errors of windowed predictions are larger, relative, of the output where that differs most."""
+    if not (one.held_out and other.held_out):
+        return float("nan")
+    ours, theirs = (next(iter(s.held_out.values())).window_rms for s in (one, other))
+    ratios = [ours[name] / theirs[name] - 1.0 for name in theirs]
+    return float(max(ratios, key=abs))
+
+
+if __name__ == "__main__":
+    main()
