@@ -130,6 +130,19 @@ def sound(c: Candidate, f: Fitted) -> bool:
     return max(p.std or 0.0 for p in told) < (SPREAD_OF_COUPLINGS if c.dear else SPREAD) * largest
 
 
+def slight(c: Candidate, f: Fitted, sizes: Sizes) -> bool:
+    """Whether it is play so small that what its coupling bears differently, k gap/2, is less than half of the floor at every place.
+
+    A play of less than that mends what a mesh of one interval a sample cannot follow.
+    """
+    if f.result is None or "gap" not in c.named:
+        return False
+    spot = c.named["gap"].rpartition(".")[0]
+    gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
+    known = [size for size in sizes.forces.values() if np.isfinite(size)]
+    return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
+
+
 def clear(s: Screened | None, gained: float) -> bool:
     """Whether a fit brought as much evidence as an effect has to, for what that is worth beside residuals that are not white."""
     return gained > CLEAR * (1.0 if s is None else s.inflation)

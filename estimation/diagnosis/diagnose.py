@@ -32,7 +32,7 @@ from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
 from .refit import HELD, QUICKLY, evidence
-from .search import Progress, Search
+from .search import Otherwise, Progress, Search
 from .verdict import Diagnosis
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
@@ -71,7 +71,8 @@ def diagnose(
         def based(other: Problem) -> tuple[Smoothing, Settings]:
             return _base(other, Keep(keep, other), say)
 
-        better, (first, settings), straight = with_better_hold(steadied, problem.model, based(steadied), based)
+        as_said = based(steadied)
+        better, (first, settings), straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
             problem=better,
             model=problem.model,
@@ -82,8 +83,11 @@ def diagnose(
             kept=Keep(keep, better),
             settings=settings,
             end=end,
+            otherwise=Otherwise(recordings=tuple(steadied.recordings), smoothed=lambda p: based(p)[0]) if straight else None,
         )
         search.run()
+    if straight and search.otherwise is None:
+        straight, first = "", as_said[0]
     verdict, first = search.verdict(), without_offsets(first)
     notes = [said for said in (split, straight) if said]
     if straight:

@@ -13,14 +13,16 @@ from functools import partial
 import numpy as np
 
 from backsight.models import Model
+from backsight.models.errors import InputError, SolveError
 
 from ..problem import Free, Problem
+from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..workers import as_finished
 from .candidates import Candidate
-from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, sound, steady
+from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, slight, sound, steady
 from .held import rescaled
 from .keep import Keep
 from .library import library
@@ -40,6 +42,7 @@ EFFECTS = 4
 DATES = 3  # times that the date of what sets in is sought anew
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
+AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -51,6 +54,14 @@ class Before:
     model: Model
     findings: list[Finding]
     accepted: list[Candidate]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Otherwise:
+    """Recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is; how to smooth."""
+
+    recordings: tuple[Recording, ...]
+    smoothed: Callable[[Problem], Smoothing]
 
 
 @dataclass
@@ -77,6 +88,7 @@ class Search:
     notes: list[str] = field(default_factory=list)
     accepted: list[Candidate] = field(default_factory=list)
     before: Before | None = None
+    otherwise: Otherwise | None = None
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -87,16 +99,51 @@ class Search:
         tried, more = not self.settings.weigh and not np.isfinite(evidence(self.problem, self.result, ended=False)), True
         if tried:
             self._weighed()
+        self._as_fits_are()
         while more:
             base, candidates, found, sizes = self._scores()
             more = time.time() < self.end and len(self.findings) < EFFECTS and self._round(base, found, sizes, candidates)
             if not self.settings.weigh and (more or not tried):
                 tried = True
                 more |= self._weighed()
+            if more:
+                self._held_again()
         if time.time() > self.end:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._renew(sizes)
         self._limits(found, sizes)
+
+    def _as_fits_are(self) -> None:
+        """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
+        if not self.settings.weigh or self.result.solution is None:
+            return
+        for k in range(AGAIN):
+            problem = settled(self.problem, self.result)
+            assert self.result.solution is not None
+            smoothed = partial(smooth, problem, settings=self.settings, begin=self.result.solution, progress=self.say)
+            again = self.kept.smoothed(self.kept.name(f"the model as it is, as fits are, {k + 1}"), smoothed)
+            if again is None or not again.solver.converged:
+                return
+            more = evidence(problem, again) - evidence(self.problem, self.result)
+            if not more > 0:
+                return
+            self.problem, self.result = problem, again
+            if more < WORTH:
+                return
+
+    def _held_again(self) -> None:
+        """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
+        if self.otherwise is None or not self.findings:
+            return
+        self.say("held inputs again, with what was found")
+        straight = settled(self.problem, self.result)
+        held = replace(straight, recordings=list(self.otherwise.recordings))
+        try:
+            one, other = self.otherwise.smoothed(held), self.otherwise.smoothed(straight)
+        except (SolveError, InputError):
+            return
+        if evidence(held, one) > evidence(straight, other):
+            self.problem, self.result, self.otherwise = held, one, None
 
     def _renew(self, sizes: Sizes) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
@@ -162,7 +209,7 @@ class Search:
             fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
-        good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f)]
+        good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f) and not slight(c, f, sizes)]
         if not good and (constant := steady(self.result, candidates, sizes)):
             last = self._fits([(c, None) for c in constant])
             now += counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]

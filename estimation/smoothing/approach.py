@@ -34,9 +34,9 @@ from backsight.ocp import Options, Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
-from ..problem import Free, Problem
+from ..problem import Problem
 from .along import forces
-from .driven_fit import elsewhere
+from .driven_fit import elsewhere, supposed_near
 from .program import Settings, make_program, renewed
 from .rest import FrictionLaw, left_alone, rounded
 from .softened import softened
@@ -45,7 +45,6 @@ from .unseen import complete, of_the_right_size, sought, unseen_states
 
 TIGHTEST = 0.01  # share at which the way ends
 FACTOR, LEAST_FACTOR = 10.0**0.5, 10.0**0.1  # from share to share; of the smallest steps
-TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 STRAINED = 2.0  # squares per sample, more than at best, at which tighter balances only bend the rest
 BENT = 0.5  # the same where no output shows an attitude: there balances that strain turn what nothing else holds
 FEW = 0.5  # of the places, that may stay loose where they strain while the others go on
@@ -93,7 +92,7 @@ def approach(
     telling, own, hidden = telling_places(problem), len(problem.dae.places), bool(unseen_states(problem))
     if hidden and not telling:
         problem, parameters = of_the_right_size(problem, followed, laws, parameters)
-    near = _near(problem)
+    near = supposed_near(problem)
     rng, found = np.random.default_rng(0), list[Approach]()
     if hidden and (way := _from_search(near, followed, laws, parameters, least, say)):
         return _ended(way, laws, parameters, own)
@@ -248,14 +247,3 @@ def _followed(solution: Solution, before: Followed) -> Followed:
 
 def _silent(_: str) -> None:
     """A descent says what it does by itself."""
-
-
-def _near(problem: Problem) -> Problem:
-    """The problem with every free parameter supposed to be near its first guess, unless the user says how near."""
-    given = dict(problem.parameters)
-    for i in problem.free:
-        info = problem.dae.parameters[i]
-        free = given[info.name]
-        if isinstance(free, Free) and free.std is None:
-            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal))
-    return replace(problem, model=problem.dae, parameters=given)

@@ -9,7 +9,7 @@ balance has room for its own forces, rotors of any gain explain any motion, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -31,6 +31,7 @@ from .softened import bare_rows
 ROUNDS, SAME = 6, 0.02  # of the s_k, at most, and their relative change at which they are as good as settled
 EXACT = 1e-6  # of the forces at a balance: it need not hold better
 STEPS = 20  # of Gauss and Newton in a round, at most
+TRUST = 2.0  # width of the prior about a parameter's first guess, over that guess
 GOOD = 0.3  # share of the known forces that balances may leave over where the fit has met what moves there
 SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 PAID = 1e-3  # the share of the cost that a step must save for another one to be worth its while
@@ -145,6 +146,17 @@ def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Ar
         if (left := known.left(other[0])) < best:
             first, best = other, left
     return first
+
+
+def supposed_near(problem: Problem) -> Problem:
+    """The problem with every free parameter supposed to be near its first guess, unless the user says how near."""
+    given = dict(problem.parameters)
+    for i in problem.free:
+        info = problem.dae.parameters[i]
+        free = given[info.name]
+        if isinstance(free, Free) and free.std is None:
+            given[info.name] = replace(free, std=TRUST * (abs(free.guess) or info.nominal))
+    return replace(problem, model=problem.dae, parameters=given)
 
 
 def elsewhere(problem: Problem, parameters: Array, rng: np.random.Generator) -> Array:

@@ -158,7 +158,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         rough = work.roughly(followed, stds, force_std, start)
         if rough is not None:
             followed, start, stds = followed_by(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
-            force_std = dict(zip(rough.solution.transcription.soft, rough.force_std.tolist(), strict=True))
+            force_std = _by_place(rough, rough.solution)
             # guesses far too large make forces that are none
             now = exact_forces(problem, followed, start)
             work = replace(work, floor={k: min(std, now[k]) for k, std in floor.items()})
@@ -261,11 +261,10 @@ class _Work:
         A coarser one would do, but what is there already is no worse.
         """
         solution, now = choice.solution, self.in_force(stds, choice)
-        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
-        anew = self.meshed(followed_by(solution), now, force_std, solution.parameters)
+        anew = self.meshed(followed_by(solution), now, _by_place(choice, solution), solution.parameters)
         if _intervals(anew.horizons) < FINER * _intervals(meshed.horizons):
             return choice, stds, False
-        program = self.program(anew.horizons, followed_by(solution), force_std, solution.parameters)
+        program = self.program(anew.horizons, followed_by(solution), _by_place(choice, solution), solution.parameters)
         second = self.chosen(program, anew.least_std, now)
         return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
 
@@ -274,23 +273,19 @@ class _Work:
         solution, now = checked.solution, self.in_force(stds, choice)
         iterations = choice.iterations + solution.solved.iterations
         kept = replace(choice, solution=solution, output_factor=np.ones_like(choice.output_factor), iterations=iterations)
-        if not checked.mattered or not (set(solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
+        if not (checked.mattered and self.open(solution)):
             return kept, now
-        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
         t = solution.transcription
-        program = self.of_degree(t.degree).program(t.horizons, followed_by(solution), force_std, solution.parameters)
-        second = self.chosen(program, least_std, now)
+        second = self.chosen(self.from_there(choice, solution, t.horizons, t.degree), least_std, now)
         return (second, now) if second.solution.solved.status.converged else (kept, now)
 
     def weighed_again(self, choice: Choice, moved: Moved, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds, Moved]:
         """Weights from the data at the parameters of most marginal likelihood, where these are far from the first, and these again."""
-        if moved.far < FAR or not (set(moved.solution.transcription.soft) - set(self.given) or any(self.open_outputs)):
+        if moved.far < FAR or not self.open(moved.solution):
             return choice, stds, moved
         for _ in range(ALTERNATIONS):
-            t = moved.solution.transcription
-            horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(t.horizons, choice.output_factor, strict=True)]
-            force_std, now = dict(zip(t.soft, choice.force_std.tolist(), strict=True)), self.in_force(stds, choice)
-            program = self.of_degree(t.degree).program(horizons, followed_by(moved.solution), force_std, moved.solution.parameters)
+            t, now = moved.solution.transcription, self.in_force(stds, choice)
+            program = self.from_there(choice, moved.solution, _rated(t.horizons, choice), t.degree)
             second = self.chosen(program.held, least_std, now)
             if not second.solution.solved.status.converged:
                 break
@@ -307,20 +302,34 @@ class _Work:
         factors = [dict(zip((q.name for q in self.problem.dae.outputs), row.tolist(), strict=True)) for row in choice.output_factor]
         return [{name: std * f[name] for name, std in table.items()} for table, f in zip(stds, factors, strict=True)]
 
-    def of_degree(self, degree: int) -> _Work:
-        """The same with other polynomials."""
-        return replace(self, settings=replace(self.settings, degree=degree))
+    def open(self, solution: Solution) -> bool:
+        """Whether there are weights that nobody gave."""
+        return bool(set(solution.transcription.soft) - set(self.given) or any(self.open_outputs))
+
+    def from_there(self, choice: Choice, solution: Solution, horizons: Sequence[Horizon], degree: int) -> Program:
+        """The program at the weights of a choice on these meshes, with polynomials of this degree, started from a solution."""
+        work = replace(self, settings=replace(self.settings, degree=degree))
+        return work.program(horizons, followed_by(solution), _by_place(choice, solution), solution.parameters)
 
     def again(self, choice: Choice, solution: Solution, horizons: list[Horizon], degree: int) -> tuple[Solution, Callable[[], Solution]]:
         """The same problem on other meshes at the same weights, started from a solution, by plain steps; and what ends other losses."""
         if solution is choice.solution:
-            horizons = [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
-        force_std = dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
-        program = self.of_degree(degree).program(horizons, followed_by(solution), force_std, solution.parameters)
+            horizons = _rated(horizons, choice)
+        program = self.from_there(choice, solution, horizons, degree)
         found = program.solve(program.start, program.values, False, self.say)
         if program.losses is None:
             return found, lambda: found
         return found, lambda: program.solve(found.solved.decisions, program.values, True, self.say)
+
+
+def _by_place(choice: Choice, solution: Solution) -> dict[int, float]:
+    """Place -> std of its residual force."""
+    return dict(zip(solution.transcription.soft, choice.force_std.tolist(), strict=True))
+
+
+def _rated(horizons: Sequence[Horizon], choice: Choice) -> list[Horizon]:
+    """The horizons with the chosen factors on their outputs' standard deviations."""
+    return [replace(h, target_std=h.target_std * f) for h, f in zip(horizons, choice.output_factor, strict=True)]
 
 
 def _intervals(horizons: Sequence[Horizon]) -> int:
