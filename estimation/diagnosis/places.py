@@ -80,11 +80,11 @@ def _spots(model: Model) -> Iterator[Spot]:
     grounds = set(_grounds(model))
     measured = {output.variable.partition(".")[0] for output in model.measured.values()}
     for name, component in model.components.items():
-        if name in grounds or name in measured:
+        if name in grounds:
             continue
         for kind, word in KINDS.items():
             own = tuple(port for port, c in component.declared_connectors.items() if type(c) is kind)
-            if len(own) == 2 and len(component.declared_connectors) == 2:
+            if len(own) == 2 and len(component.declared_connectors) == 2 and name not in measured:  # or it is a sensor
                 yield Spot(name=name, kind=word, flanges=own)
             if len(own) == 1 and (_has_state(component) or own == ("axis",)):
                 yield Spot(name=name, kind=word, flanges=own)

@@ -30,14 +30,18 @@ def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Arr
 def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False) -> dict[int, float]:
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
-    The terms are the balance's derivatives times what it is differentiated by: x', x, z, u or p. varying: without their means, so that a
+    The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
+    between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing.
     """
     dae = problem.dae
     rows = {int(e.place): r for r, e in enumerate(dae.equations) if e.place is not None}
     F = dae.undisturbed(dae.residual[list(rows.values())])
-    variables = ca.vertcat(dae.dx, dae.x, dae.z, dae.u, dae.p)
-    terms = ca.vec(ca.jacobian(F, variables) * ca.repmat(variables.T, len(rows), 1))
+    acting = ca.vertcat(dae.dx, dae.z, dae.u, dae.p)
+    told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
+    parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
+    parts[told, acting.shape[0] :] = 0
+    terms = ca.vec(ca.densify(parts))
     found = []
     for number, horizon in enumerate(followed.horizons):
         times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]

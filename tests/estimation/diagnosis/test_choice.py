@@ -23,6 +23,7 @@ from backsight.estimation.diagnosis.choice import (
     matters,
     simpler_there,
     simplest,
+    slight,
     sound,
 )
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
@@ -153,3 +154,11 @@ def test_of_a_coupling_evidence_tells_more_than_its_numbers(std, of_coupling, of
     for dear, is_one in ((True, of_coupling), (False, of_strength)):
         c = Candidate(place="string", family="transmission", physics="compliance", start={"string_2.k": (2.0, 0.1, 10.0)}, dear=dear)
         assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
+
+
+@pytest.mark.parametrize(("gap", "is_nothing"), [(5e-5, True), (0.01, False)])
+def test_play_that_hardly_unloads_its_shaft_is_none(gap, is_nothing):
+    told = {name: SimpleNamespace(name=name, value=value) for name, value in (("shaft.gap", gap), ("shaft.k", 60.0))}
+    c = Candidate(place="shaft", family="transmission", physics="backlash", start={"shaft.gap": (gap, 0, 1)}, named={"gap": "shaft.gap"})
+    sizes = SimpleNamespace(forces={"motor": 2.5, "load": 2.5})
+    assert slight(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing

@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 
 from backsight.estimation.diagnosis.places import at_hand, bodies, elements, neighbours, node
+from backsight.models import Model
+from backsight.models.mechanics.planar import Body, FrameFixed, Revolute, World
+from backsight.models.mechanics.rotational import Torque
 from backsight.models.plants import PLANTS, actuator
 
 
@@ -67,3 +70,10 @@ def test_what_a_body_has_already_is_what_stands_between_it_and_the_ground():
     assert "k" not in at_hand(soft, end, ("d", "k"))
     rotor = next(spot for spot in bodies(PLANTS["drillstring"]()) if spot.name == "rotary_table")
     assert at_hand(PLANTS["drillstring"](), rotor, ("d",)) == {"d": ["rotary_table.d"]}
+
+
+def test_a_joint_whose_angle_is_an_output_by_itself_is_a_place_all_the_same():
+    parts = {"world": World(), "base": FrameFixed(), "hinge": Revolute(), "rod": Body(m=0.8, y_c=-0.3, I=0.02), "motor": Torque()}
+    joined = [("base.frame", "hinge.frame_a"), ("hinge.frame_b", "rod.frame"), ("motor.flange", "hinge.axis")]
+    model = Model(name="pendulum", components=parts, connections=joined, inputs={"tau": "motor.tau"}, outputs={"phi": "hinge.phi"})
+    assert named(bodies(model)) == {"hinge": "rotational"}

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from examples import soft_drive
 
 from backsight.estimation import Problem, Recording
 from backsight.estimation.smoothing.along import along, forces
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
+from backsight.models.mechanics.rotational import AngleSensor
 from backsight.models.plants import actuator
 
 A, OMEGA, M, D = 0.1, 2 * np.pi, 95.0, 200.0
@@ -46,3 +50,19 @@ def test_an_expression_is_evaluated_along_the_trajectory():
     times = np.linspace(0.5, 3.5, 50)
     v = along(problem.dae, problem.dae.x[1], trajectories, 0, times, problem.values)
     np.testing.assert_allclose(v[0], A * OMEGA * np.cos(OMEGA * times), atol=1e-3 * A * OMEGA)
+
+
+@pytest.mark.parametrize("turned", [0.0, 100.0])
+def test_a_shaft_that_turns_bears_its_twist_and_not_its_angle(turned):
+    """Two bodies that swing against each other, a hundred radians from where they began or not."""
+    t = np.linspace(0.0, 2.0, 2001)
+    phi = {"phi_1": turned + 0.02 * np.sin(OMEGA * t), "phi_2": turned - 0.01 * np.sin(OMEGA * t)}
+    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std=dict.fromkeys(phi, 1e-6))
+    drive = soft_drive()
+    connections = (*drive.connections, ("far.flange", "load.flange"))
+    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
+    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
+    problem = Problem(model=model, recordings=[recording])
+    trajectories = follow_closely(problem, output_stds(problem)[0], None)
+    sizes = forces(problem, trajectories, problem.values)
+    assert list(sizes.values()) == pytest.approx([40.0 * 0.03 / np.sqrt(2)] * 2, rel=0.01)  # k times the twist
