@@ -115,11 +115,10 @@ class Search:
 
     def _as_fits_are(self) -> None:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
-        if not self.settings.weigh or self.result.solution is None:
-            return
-        for k in range(AGAIN):
+        for k in range(AGAIN if self.settings.weigh else 0):
+            if self.result.solution is None:
+                return
             problem = settled(self.problem, self.result)
-            assert self.result.solution is not None
             smoothed = partial(smooth, problem, settings=self.settings, begin=self.result.solution, progress=self.say)
             again = self.kept.smoothed(self.kept.name(f"the model as it is, as fits are, {k + 1}"), smoothed)
             if again is None or not again.solver.converged:

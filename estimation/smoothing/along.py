@@ -52,6 +52,11 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
     return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(rows, size, strict=True)}
 
 
+def rms(r: Array) -> Array:
+    """Of every row."""
+    return np.asarray(np.sqrt(np.mean(r**2, axis=1)), dtype=np.float64)
+
+
 def exact_forces(problem: Problem, followed: Followed, parameters: Array) -> dict[int, float]:
     """Place -> std of a residual force so small that no machine's balance is as good, white from interval to interval of the mesh."""
     step = float(np.median(np.concatenate([h.mesh.steps for h in followed.transcription.horizons])))

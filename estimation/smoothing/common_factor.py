@@ -23,6 +23,7 @@ from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
+from .along import rms
 from .driven import Driven
 
 DECADES = 1.5  # from which on guesses are beyond what a fit is started from: up or down
@@ -41,7 +42,7 @@ class KnownForces:
 
     @cached_property
     def proportional(self) -> dict[int, Free]:
-        """The free parameters without a std that the residual is jointly linear in, by their index."""
+        """The free parameters that the residual is jointly linear in, by their index."""
         dae, found = self.problem.dae, dict[int, Free]()
         for i in self.problem.free:
             given = self.problem.parameters[dae.parameters[i].name]
@@ -53,7 +54,7 @@ class KnownForces:
 
     def left(self, parameters: Array) -> float:
         """Mean of log R over the balances with known forces; NaN where there is none, inf where the unseen has no finite motion."""
-        whole, known = self._sizes(parameters)
+        whole, known = (rms(F) for F in self._at(parameters))
         told = known > 0
         if not told.any():
             return np.nan
@@ -65,7 +66,7 @@ class KnownForces:
             return 1.0
         F, known = self._at(parameters)
         told = np.any(known != 0, axis=1)
-        size = _rms((F - known)[told]) / _rms(known[told])
+        size = rms((F - known)[told]) / rms(known[told])
         if not told.any() or not np.all(np.isfinite(size)) or np.any(size == 0):
             return 1.0
         decades = -float(np.mean(np.log10(size)))
@@ -80,20 +81,14 @@ class KnownForces:
             given[problem.dae.parameters[i].name] = replace(free, guess=float(np.clip(free.guess * factor, low, high)))
         return replace(problem, model=problem.dae, parameters=given), values
 
-    def _sizes(self, parameters: Array) -> tuple[Array, Array]:
-        F, known = self._at(parameters)
-        return _rms(F), _rms(known)
-
     def _at(self, parameters: Array) -> tuple[Array, Array]:
         """F(p) and F(0) between all samples of all recordings, (balances, M)."""
-        driven, own, parts = Driven(self.problem.dae, dict(self.rows)), list(self.rows), []
+        driven, parts = Driven(self.problem.dae, dict(self.rows)), []
         for number in range(len(self.followed.horizons)):
             run = driven.run(self.followed, number, parameters)
-            dx, x, *others = driven.along(self.followed, number, run.times)
-            dx, x, count = dx.copy(), x.copy(), len(run.times)
-            dx[own], x[own] = run.rate, run.state
-            p = np.repeat(parameters[:, None], count, axis=1)
-            parts.append([np.asarray(a, dtype=np.float64) for a in self._function.map(count)(dx, x, *others, p)])
+            along = driven.filled(driven.along(self.followed, number, run.times), run.state, run.rate)
+            p = np.repeat(parameters[:, None], len(run.times), axis=1)
+            parts.append([np.asarray(a, dtype=np.float64) for a in self._function.map(len(run.times))(*along, p)])
         whole, known = (np.concatenate(a, axis=1) for a in zip(*parts, strict=True))
         return whole, known
 
@@ -105,7 +100,3 @@ class KnownForces:
         p = ca.vertcat(*(dae.p[i] for i in self.proportional))
         answers = [F, ca.substitute(F, p, ca.SX.zeros(p.shape))]
         return ca.Function("known_forces", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p], [ca.densify(a) for a in answers])
-
-
-def _rms(F: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(F**2, axis=1)), dtype=np.float64)

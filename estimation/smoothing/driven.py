@@ -105,6 +105,13 @@ class Driven:
         horizon = followed.horizons[number]
         return (*followed.at(number, times), horizon.input_at(times), horizon.clock + times[None, :])
 
+    def filled(self, along: tuple[Array, ...], state: Array, rate: Array) -> tuple[Array, ...]:
+        """What `along` gives, with these unseen states and their rates, (n, M)."""
+        (dx, x, *others), own = along, list(self.rows)
+        dx, x = dx.copy(), x.copy()
+        dx[own], x[own] = rate, state
+        return dx, x, *others
+
     def run(self, followed: Followed, number: int, parameters: Array, first: Array | None = None) -> Run:
         """The unseen states along horizon `number`, between its samples and the steps of its inputs; first (n,): where they start."""
         instants = self.instants(followed, number)

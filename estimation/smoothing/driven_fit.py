@@ -23,7 +23,7 @@ from backsight.ocp.pieces import Pieces
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
-from .along import forces
+from .along import forces, rms
 from .common_factor import KnownForces
 from .driven import Driven, Run, simulated
 from .softened import bare_rows
@@ -61,9 +61,7 @@ class Seen:
 
     def _at(self, state: Array, rate: Array, along: tuple[Array, ...], parameters: Array) -> tuple[Array, ...]:
         """F (balances, M) and its slopes (balances, M, ..) in l', l and the free parameters, at l and l' (n, M)."""
-        (dx, x, *others), own, count = along, list(self.driven.rows), state.shape[1]
-        dx, x = dx.copy(), x.copy()
-        dx[own], x[own] = rate, state
+        (dx, x, *others), count = self.driven.filled(along, state, rate), state.shape[1]
         p, p_ref = (np.repeat(a[:, None], count, axis=1) for a in (parameters, self.reference))
         r, *parts = (np.asarray(a, dtype=np.float64) for a in self._balances.map(count)(dx, x, *others, p, p_ref))
         return r, *(a.reshape(len(self.rows), count, a.shape[1] // count) for a in parts)
@@ -204,11 +202,6 @@ def known_std(problem: Problem, free: list[int]) -> Array:
     """Standard deviations of what is known of free parameters, inf where nothing is."""
     known = [problem.parameters[problem.dae.parameters[i].name] for i in free]
     return np.array([f.std if isinstance(f, Free) and f.std is not None else np.inf for f in known])
-
-
-def rms(r: Array) -> Array:
-    """Of every row."""
-    return np.asarray(np.sqrt(np.mean(r**2, axis=1)), dtype=np.float64)
 
 
 def known_start(horizon: Horizon) -> Array:

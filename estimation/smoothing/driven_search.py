@@ -24,8 +24,9 @@ from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Problem
+from .along import rms
 from .driven import Driven
-from .driven_fit import EXACT, Seen, known_start, known_std, rms
+from .driven_fit import EXACT, Seen, known_start, known_std
 
 FACTOR = 4.0  # within which parameters are searched for, up or down
 SURE = 3.0  # standard deviations of what is known of a parameter within which it is

@@ -110,9 +110,11 @@ def maximise(
     gain: float = GAIN,
 ) -> Found:
     """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
-    here, settled = here or _at(turned, theta, None), not moving.any()
+    here, settled = here or _at(turned, theta, None), False
+    if not moving.any():
+        return Found(theta=theta, moving=moving, likelihood=here, settled=True)
     step, promise = _step(turned, here, moving)
-    for rounds in range(1, ROUNDS + 1) if moving.any() else ():
+    for rounds in range(1, ROUNDS + 1):
         if say is not None:
             say(f"weights from the likelihood, round {rounds}: log likelihood {here.value:.2f}, {promise:.2g} to be gained")
         if promise < gain:

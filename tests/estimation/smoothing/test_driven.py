@@ -11,8 +11,9 @@ from scipy.linalg import expm
 
 from backsight.data.generators import drillstring, quadrotor
 from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.along import rms
 from backsight.estimation.smoothing.driven import Driven, lags_of, own_rows, simulated, stopping
-from backsight.estimation.smoothing.driven_fit import Seen, fitted, rms
+from backsight.estimation.smoothing.driven_fit import Seen, fitted
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.estimation.smoothing.program import Settings
