@@ -4,7 +4,7 @@ A balance in which all masses, stiffnesses and dampings are a thousand times too
 small share of its forces, and no step of Gauss and Newton leads back. Where all of what moves is seen, balances are linear in them and one
 step is enough. Where some of it is driven by the rest (`driven.py`) a balance is asked what it leaves over of the forces that are known,
 
-    R(p) = rms F(p) / rms F(0),        F(0): inputs, weights, all that no free parameter multiplies
+    R(p) = rms F(p) / rms F(0),        F(0): inputs, weights, all that no unknown parameter multiplies
 
 which is 1 where the parameters explain nothing and grows with all that is too large.
 """
@@ -33,18 +33,19 @@ DECADES = 1.5  # from which on guesses are beyond what a fit is started from: up
 class KnownForces:
     """What balances of what is seen leave over of the forces that are known, with the unseen driven along the followed trajectories.
 
-    rows: of the unseen, state -> row of the residual.
+    rows: of the unseen, state -> row of the residual. unknown: indices of parameters; those that are free but no more than guessed.
     """
 
     problem: Problem
     rows: Mapping[int, int]
     followed: Followed
+    unknown: tuple[int, ...]
 
     @cached_property
     def proportional(self) -> dict[int, Free]:
-        """The free parameters that the residual is jointly linear in, by their index."""
+        """The unknown parameters that the residual is jointly linear in, by their index."""
         dae, found = self.problem.dae, dict[int, Free]()
-        for i in self.problem.free:
+        for i in self.unknown:
             given = self.problem.parameters[dae.parameters[i].name]
             if isinstance(given, Free):
                 found[i] = given

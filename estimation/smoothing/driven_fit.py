@@ -135,7 +135,7 @@ def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Ar
     first = _fitted_from(seen, start)
     if starts == 1:
         return first
-    known = KnownForces(problem, rows, followed)
+    known = KnownForces(problem, rows, followed, tuple(problem.free))
     best = known.left(first[0])
     for _ in range(starts - 1):
         if not best > np.log(GOOD):

@@ -24,7 +24,7 @@ from ..problem import Problem
 from .along import forces
 from .common_factor import KnownForces
 from .driven import Driven, lags_of, own_rows, simulated, stopping
-from .driven_fit import Seen, fitted, known_start
+from .driven_fit import Seen, fitted, known_start, known_std
 from .driven_search import searched
 from .initial_guess import start_decisions
 from .rest import ROUNDING, FrictionLaw, left_alone, rounded
@@ -61,9 +61,13 @@ def complete(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...]
 
 
 def of_the_right_size(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ...], start: Array) -> tuple[Problem, Array]:
-    """The problem and start (np_all,) with guesses that are off by decades together brought near (`common_factor.py`)."""
+    """The problem and start (np_all,) with guesses that are off by decades together brought near (`common_factor.py`).
+
+    A parameter with a std is known, and stays.
+    """
     rows = driven_rows(problem, laws)
-    known = KnownForces(problem, rows, followed)
+    guessed = tuple(i for i, std in zip(problem.free, known_std(problem, list(problem.free)), strict=True) if np.isinf(std))
+    known = KnownForces(problem, rows, followed, guessed)
     factor = known.factor(start) if rows else 1.0
     return (problem, start) if factor == 1.0 else known.multiplied(start, factor)
 

@@ -10,8 +10,10 @@ import truths
 from examples import soft_drive
 
 from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.horizons import output_stds
+from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.estimation.smoothing.telling import telling_places
-from backsight.estimation.smoothing.unseen import unseen_states
+from backsight.estimation.smoothing.unseen import of_the_right_size, unseen_states
 from backsight.models import compile_model
 from backsight.models.mechanics.rotational import RotationalDamper
 from backsight.models.plants import drillstring
@@ -70,6 +72,21 @@ def test_a_torque_in_another_unit_scales_the_parameters_and_no_force_takes_over_
         assert abs(p.value - unit * true) < 4 * p.std < 0.3 * unit * true, name
     assert s.weights.V["phi"] == pytest.approx(NOISE, rel=0.1)
     assert s.fit["run"]["phi"].prediction_rms == pytest.approx(1.0, abs=0.1)
+
+
+def test_guesses_off_by_decades_are_brought_near_but_what_is_known_of_a_parameter_stays():
+    recording, _ = recorded(0)
+    unit = 1e-3
+    free = {name: Free(1.7 * true) for name, true in TRUE.items()} | {"motor.J": Free(unit * TRUE["motor.J"], std=1e-7)}
+    weak = replace(recording, inputs={"tau": unit * recording.inputs["tau"]})
+    posed = Problem(model=compile_model(soft_drive()), recordings=[weak], parameters=free)
+    followed = follow_closely(posed, output_stds(posed)[0], None)
+    near, start = of_the_right_size(posed, followed, (), posed.values)
+    index = {posed.dae.parameters[i].name: i for i in posed.free}
+    assert near.parameters["motor.J"] == free["motor.J"]
+    assert start[index.pop("motor.J")] == unit * TRUE["motor.J"]
+    for name, i in index.items():
+        assert start[i] == near.parameters[name].guess == pytest.approx(1e-3 * free[name].guess)
 
 
 def problem(factor: float) -> tuple[Problem, np.ndarray]:
