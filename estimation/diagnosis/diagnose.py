@@ -32,7 +32,7 @@ from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
 from .refit import HELD, QUICKLY, evidence
-from .search import Otherwise, Progress, Search
+from .search import Progress, Search
 from .verdict import Diagnosis
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
@@ -83,10 +83,10 @@ def diagnose(
             kept=Keep(keep, better),
             settings=settings,
             end=end,
-            otherwise=Otherwise(recordings=tuple(steadied.recordings), smoothed=lambda p: based(p)[0]) if straight else None,
+            held=tuple(steadied.recordings) if straight else None,
         )
         search.run()
-    if straight and search.otherwise is None:
+    if straight and search.held is None:
         straight, first = "", as_said[0]
     verdict, first = search.verdict(), without_offsets(first)
     notes = [said for said in (split, straight) if said]

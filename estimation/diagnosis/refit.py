@@ -200,10 +200,9 @@ def with_weights_of(begin: Solution, problem: Problem) -> Problem:
 
 
 def settled(problem: Problem, result: Smoothing) -> Problem:
-    """The problem with what was found as its guesses."""
-    values = {p.name: p.value for p in result.parameters.values()}
-    known = {
-        name: replace(free, guess=float(np.clip(values[name], free.min, free.max))) if isinstance(free, Free) and name in values else free
-        for name, free in problem.parameters.items()
-    }
+    """The problem with what was found as its guesses; those that have a std say what was known before, and stay."""
+    values, known = {p.name: p.value for p in result.parameters.values()}, dict(problem.parameters)
+    for name, free in problem.parameters.items():
+        if isinstance(free, Free) and free.std is None and name in values:
+            known[name] = replace(free, guess=float(np.clip(values[name], free.min, free.max)))
     return replace(problem, parameters=known)

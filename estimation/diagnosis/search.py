@@ -27,7 +27,7 @@ from .held import rescaled
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
-from .refit import QUICKLY, Fitted, begun, evidence, fitted_there, hidden, settled
+from .refit import QUICKLY, Fitted, begun, evidence, fitted_there, hidden, settled, with_weights_of
 from .regimes import dated, late, moved, onset
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -56,19 +56,12 @@ class Before:
     accepted: list[Candidate]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Otherwise:
-    """Recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is; how to smooth."""
-
-    recordings: tuple[Recording, ...]
-    smoothed: Callable[[Problem], Smoothing]
-
-
 @dataclass
 class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
 
-    settings: of the fits. end: on the clock of `time.time`, when it ends with what it has.
+    settings: of the fits. end: on the clock of `time.time`, when it ends with what it has. held: recordings whose inputs are held, as a
+    study has them, where straight ones were better for the model as it is.
     """
 
     problem: Problem
@@ -88,7 +81,7 @@ class Search:
     notes: list[str] = field(default_factory=list)
     accepted: list[Candidate] = field(default_factory=list)
     before: Before | None = None
-    otherwise: Otherwise | None = None
+    held: tuple[Recording, ...] | None = None
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -116,15 +109,9 @@ class Search:
     def _as_fits_are(self) -> None:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
         for k in range(AGAIN if self.settings.weigh else 0):
-            if self.result.solution is None:
-                return
             problem = settled(self.problem, self.result)
-            smoothed = partial(smooth, problem, settings=self.settings, begin=self.result.solution, progress=self.say)
-            again = self.kept.smoothed(self.kept.name(f"the model as it is, as fits are, {k + 1}"), smoothed)
-            if again is None or not again.solver.converged:
-                return
-            more = evidence(problem, again) - evidence(self.problem, self.result)
-            if not more > 0:
+            again = self._again(problem, f"the model as it is, as fits are, {k + 1}")
+            if again is None or not (more := evidence(problem, again) - evidence(self.problem, self.result)) > 0:
                 return
             self.problem, self.result = problem, again
             if more < WORTH:
@@ -132,17 +119,33 @@ class Search:
 
     def _held_again(self) -> None:
         """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
-        if self.otherwise is None or not self.findings:
+        if self.held is None or not self.findings or time.time() > self.end:
             return
         self.say("held inputs again, with what was found")
         straight = settled(self.problem, self.result)
-        held = replace(straight, recordings=list(self.otherwise.recordings))
+        held = replace(straight, recordings=list(self.held))
+        one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
+        if one is not None and (other is None or self._worth(held, one) > self._worth(straight, other)):
+            self.problem, self.result, self.held = held, one, None
+
+    def _again(self, problem: Problem, what: str) -> Smoothing | None:
+        """A problem of the model as it is now, smoothed as candidates are from where it came to rest; None where it does not arrive."""
+        begin, left = self.result.solution, self.end - time.time()
+        if begin is None:
+            return None
+        weighed = problem if self.settings.weigh else with_weights_of(begin, problem)
+        settings = replace(self.settings, seconds=min(self.settings.seconds, max(left, 0.0) / 2))
+        name = self.kept.name(repr((what, [f.change for f in self.findings], self.settings.weigh)))
         try:
-            one, other = self.otherwise.smoothed(held), self.otherwise.smoothed(straight)
+            found = self.kept.smoothed(name, partial(smooth, weighed, settings=settings, begin=begin, progress=self.say))
         except (SolveError, InputError):
-            return
-        if evidence(held, one) > evidence(straight, other):
-            self.problem, self.result, self.otherwise = held, one, None
+            return None
+        return found if found is not None and found.solver.converged else None
+
+    def _worth(self, problem: Problem, result: Smoothing) -> float:
+        """Nats, by which the models of one round compare; -inf where there are none."""
+        nats = evidence(problem, result, ended=False)
+        return nats if self.settings.weigh or result.solution is None else nats + rescaled(result.solution)
 
     def _renew(self, sizes: Sizes) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
@@ -195,9 +198,7 @@ class Search:
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one."""
-        now = evidence(self.problem, self.result, ended=False)
-        if not self.settings.weigh:
-            now += rescaled(base.solution)
+        now = self._worth(self.problem, self.result)
         worth = [dated(base, s) for s in chosen(found, sizes)]
         if worth:
             rests = {name for name, place in self.result.residual_places.items() if place.rest_share}

@@ -19,7 +19,7 @@ from backsight.ocp import ParameterPrior, Solution, transcribe
 from backsight.ocp.follow import Followed
 from backsight.ocp.passing import passing_through
 
-from ..problem import Problem
+from ..problem import Free, Problem
 from .along import along
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -27,16 +27,20 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 @dataclass(frozen=True, kw_only=True)
 class Begun:
-    """Trajectories of a problem, and place -> std of its residual force, away from rest. strange: they come from another model."""
+    """Trajectories of a problem, and place -> std of its residual force, away from rest; its parameters.
+
+    strange: they come from another model.
+    """
 
     followed: Followed
     force_std: dict[str, float]
+    parameters: dict[str, float]
     strange: bool = False
 
     @classmethod
     def at(cls, solution: Solution) -> Begun:
         """A solution of the same problem."""
-        return cls(followed=followed_by(solution), force_std=force_stds(solution))
+        return cls(followed=followed_by(solution), force_std=force_stds(solution), parameters=_parameters(solution))
 
     @classmethod
     def of(cls, solution: Solution, problem: Problem) -> Begun | None:
@@ -69,7 +73,17 @@ class Begun:
         nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
         program = transcribe(dae, horizons, free=(), prior=nothing, force_std={}, method=t.method, degree=t.degree)
         going = Followed(transcription=program, horizons=horizons, decisions=passing_through(program, curve))
-        return cls(followed=going, force_std=force_stds(solution), strange=True)
+        return cls(followed=going, force_std=force_stds(solution), parameters=_parameters(solution), strange=True)
+
+    def start(self, problem: Problem) -> Array:
+        """Where parameters start (np_all,): at their guesses, but for what a std holds about its guess, which starts where it was."""
+        found, given = problem.values.copy(), problem.parameters
+        for i in problem.free:
+            name = problem.dae.parameters[i].name
+            free = given[name]
+            if isinstance(free, Free) and free.std is not None and name in self.parameters:
+                found[i] = np.clip(self.parameters[name], *problem.parameter_range(i))
+        return found
 
 
 Source = Callable[[Followed, int, Array, Array], Array]
@@ -107,6 +121,10 @@ def _named(old: Dae, dae: Dae, values: Array, otherwise: float) -> Array:
     """What belongs to the old model's states, for the new one's."""
     there = {q.name: v for q, v in zip(old.states, values, strict=True)}
     return np.array([there.get(q.name, otherwise) for q in dae.states])
+
+
+def _parameters(solution: Solution) -> dict[str, float]:
+    return dict(zip((p.name for p in solution.transcription.dae.parameters), solution.parameters.tolist(), strict=True))
 
 
 def followed_by(solution: Solution) -> Followed:

@@ -63,7 +63,7 @@ def smooth(
     Weights that the problem leaves out are chosen from the data (`variances.py`). Returns the estimates even when the solver did not
     converge: `solver.converged` tells. settings: numerics (default: chosen). begin: a solution of the same recordings by a model with the
     same states and algebraic variables, or what a solution by another model is for this one (`begun.py`), from whose trajectories, weights
-    and mesh it starts; the guesses are taken for what they are.
+    and mesh it starts; guesses are taken for what they are, where no std makes them more than a start.
     Raises InputError for a problem that cannot be posed, OutOfTime after `settings.seconds`.
     """
 
@@ -123,7 +123,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         followed = begin.followed
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
-    start, floor = parameters.copy(), dict[int, float]()
+    start, floor = parameters.copy() if begin is None else begin.start(problem), dict[int, float]()
     if begin is not None:
         exact = exact_forces(problem, followed, start)
         # a place that only this model has gets the share of its forces that an approach ends with

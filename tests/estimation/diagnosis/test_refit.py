@@ -21,6 +21,7 @@ from backsight.estimation.diagnosis.refit import Fitted, begun, evidence, fitted
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screened
 from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.smoothing.begun import Begun
 from backsight.models.plants import actuator
 
 MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
@@ -160,6 +161,20 @@ def test_what_is_settled_starts_where_the_last_fit_ended(lacking):
     now = settled(problem, result)
     assert now.parameters["carriage.m"].guess == result.parameters["carriage.m"].value
     assert now.parameters["friction.f_c"] == 0.0
+
+
+def test_what_was_known_beforehand_stays_and_counts_once():
+    known = Free(80.0, std=1.0)  # 95.11 in truth: friction that is left out is no reason to believe in what the samples say instead
+    problem = posed(run(1.0, 2e-3, f_c=20.0), W={"carriage": 0.5}, carriage__m=known)
+    result, c = smooth(problem), law("coulomb_friction")
+    assert result.parameters["carriage.m"].value - known.guess > known.std
+    assert settled(problem, result).parameters["carriage.m"] == known
+    assert Begun.at(result.solution).start(problem)[problem.free[0]] == result.parameters["carriage.m"].value
+    start = begun(c, None, {})
+    found = fitted(settled(problem, result), problem.model, result.solution, c, start)
+    anew = smooth(refit.posed(problem, problem.model, c, start)[0])
+    mine, other = found.result.parameters["carriage.m"], anew.parameters["carriage.m"]
+    assert mine.value == pytest.approx(other.value, abs=0.5 * other.std)  # rooms at rest differ
 
 
 def test_a_fit_that_cannot_be_posed_says_why():
