@@ -162,7 +162,8 @@ class Sectioned:
         first, last = tuple(old.declared_connectors)
         end = f"{self.coupling}.{last}"
         flange = next(iter(mass.declared_connectors))
-        moved = tuple((a.replace(end, f"{self.second}.{last}"), b.replace(end, f"{self.second}.{last}")) for a, b in model.connections)
+        other = {end: f"{self.second}.{last}"}
+        moved = tuple((other.get(a, a), other.get(b, b)) for a, b in model.connections)
         return replace(
             model,
             components={**model.components, self.body: mass, self.second: old},

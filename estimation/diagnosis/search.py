@@ -18,11 +18,13 @@ from backsight.models.errors import InputError, SolveError
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
+from ..smoothing.begun import Begun
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smooth
 from ..workers import as_finished
 from .candidates import Candidate
 from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, slight, sound, steady
+from .elimination import Bare
 from .held import rescaled
 from .keep import Keep
 from .library import library
@@ -81,7 +83,11 @@ class Search:
     notes: list[str] = field(default_factory=list)
     accepted: list[Candidate] = field(default_factory=list)
     before: Before | None = None
+    bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
+
+    def __post_init__(self) -> None:
+        self.bare = Bare(problem=self.problem, model=self.model)
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -100,6 +106,7 @@ class Search:
                 tried = True
                 more |= self._weighed()
             if more:
+                self._eliminate()
                 self._held_again()
         if time.time() > self.end:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
@@ -128,14 +135,31 @@ class Search:
         if one is not None and (other is None or self._worth(held, one) > self._worth(straight, other)):
             self.problem, self.result, self.held = held, one, None
 
+    def _eliminate(self) -> None:
+        """What was found before the last effect and is nothing beside it goes out of the model again."""
+        for k in reversed(range(len(self.accepted) - 1)):
+            c, rest = self.accepted[k], [*self.accepted[:k], *self.accepted[k + 1 :]]
+            if not idle(c, self.result) or (posed := self.bare.having(rest, self.problem, self.result)) is None:
+                continue
+            self.say(f"{c.title} is nothing beside what was found later")
+            problem, model = settled(posed[0], self.result), posed[1]
+            found = self._again(problem, f"without {c.title}")
+            if found is None or self._worth(problem, found) < self._worth(self.problem, self.result) - CLEAR:
+                continue
+            gone = self.findings[k].gain
+            self.findings = [*self.findings[:k], *self.findings[k + 1 :]]
+            self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + gone)
+            self.problem, self.model, self.result, self.accepted = problem, model, found, rest
+
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
-        """A problem of the model as it is now, smoothed as candidates are from where it came to rest; None where it does not arrive."""
-        begin, left = self.result.solution, self.end - time.time()
-        if begin is None:
+        """Another problem, smoothed as candidates are from where the one that there is came to rest; None where it does not arrive."""
+        solution, left = self.result.solution, self.end - time.time()
+        if solution is None:
             return None
-        weighed = problem if self.settings.weigh else with_weights_of(begin, problem)
+        weighed = problem if self.settings.weigh else with_weights_of(solution, problem)
         settings = replace(self.settings, seconds=min(self.settings.seconds, max(left, 0.0) / 2))
         name = self.kept.name(repr((what, [f.change for f in self.findings], self.settings.weigh)))
+        begin = Begun.of(solution, weighed)
         try:
             found = self.kept.smoothed(name, partial(smooth, weighed, settings=settings, begin=begin, progress=self.say))
         except (SolveError, InputError):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from backsight.estimation.diagnosis.couplings import of_coupling, of_soft, place
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import elements
 from backsight.models import compile_model, simulate
+from backsight.models.mechanics.translational import SpringDamper
 from backsight.models.plants import PLANTS, actuator
 
 MOTION = Motion(v_rms=0.2, low=-0.1, high=0.1)
@@ -116,3 +119,18 @@ def test_play_in_a_coupling_that_is_soft_already_takes_the_place_of_its_softness
 
     for c in of_soft(model, spot, MOTION, {"carriage": 75.0}, {"screw.k": 4e6, "screw.d": 300.0}):
         assert c.exchanged == (["screw"] if c.physics == "backlash" else [])
+
+
+def test_a_coupling_in_two_sections_leaves_others_alone_whose_names_end_like_its_own():
+    model = actuator("compliant")
+    (spot,) = (s for s in elements(model) if s.name == "screw")
+    second = SpringDamper(k=1e5, d=0.0)
+    beside = replace(
+        model,
+        components={**model.components, "other_screw": second},
+        connections=(*model.connections, ("other_screw.flange_a", "screw.flange_a"), ("other_screw.flange_b", "screw.flange_b")),
+    )
+    (section,) = (c for c in of_soft(beside, spot, MOTION, {"carriage": 75.0}, {"screw.k": 4e6}) if c.physics == "compliance")
+    ends = {end for pair in section.edited(beside).connections for end in pair}
+    assert "other_screw.flange_b" in ends
+    compile_model(section.edited(beside))

@@ -1,0 +1,83 @@
+"""What was found first and is nothing beside what was found later: Coulomb friction of an axis, taken for a hardening spring at first."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from math import nan
+
+from concealed_axis import posed, run
+
+from backsight.estimation import smooth
+from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.elimination import Bare
+from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.places import bodies
+from backsight.estimation.diagnosis.refit import QUICKLY, settled
+from backsight.estimation.diagnosis.refit import posed as having
+from backsight.estimation.diagnosis.search import Search
+from backsight.estimation.diagnosis.verdict import Explanation, Finding
+from backsight.models.plants import actuator
+
+MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
+
+
+def law(name: str) -> Candidate:
+    (spot,) = bodies(actuator())
+    return of_law(next(one for one in AGAINST_GROUND if (one.label or one.physics) == name), actuator(), spot, MOTION)
+
+
+def found(c: Candidate, gain: float) -> Finding:
+    explanation = Explanation(place=c.place, family=c.family, physics=c.physics)
+    return Finding(explanation=explanation, p_value=nan, gain=gain, change="", share=None)
+
+
+def after(spring: float) -> Search:
+    """A search that has found a spring first and friction then; in truth there is friction and a spring of so much [N/m3]."""
+    bare = posed(run(1.0, 2e-3, force=lambda _, s, __: -spring * s**3, f_c=20.0), W={"carriage": 0.05})
+    first, later = law("cubic_spring"), law("coulomb_friction")
+    problem, model = bare, bare.model
+    for c in (first, later):
+        problem, model = having(problem, model, c, {})
+    result = smooth(problem, settings=QUICKLY)
+    assert result.solver.converged
+    search = Search(
+        problem=bare,
+        model=bare.model,
+        result=smooth(bare, settings=QUICKLY),
+        say=lambda _: None,
+        pool=ProcessPoolExecutor(1),
+        ahead=1,
+        kept=Keep(None, bare),
+    )
+    search.problem, search.model, search.result = settled(problem, result), model, result
+    search.accepted, search.findings = [first, later], [found(first, 10.0), found(later, 500.0)]
+    return search
+
+
+def test_what_is_nothing_beside_what_was_found_later_goes_out_again():
+    search = after(0.0)
+    search._eliminate()
+    assert [f.explanation.physics for f in search.findings] == ["coulomb_friction"]
+    assert search.findings[0].gain == 510.0
+    assert "cubic_spring_carriage" not in search.model.components
+    assert not any("cubic_spring" in name for name in (*search.problem.parameters, *search.result.parameters))
+    f_c = search.result.parameters["coulomb_friction_carriage.f_c"]
+    assert abs(f_c.value - 20.0) < 4 * f_c.std < 1.0
+
+
+def test_what_is_something_beside_it_stays():
+    search = after(4e5)  # 50 N at the end of the way
+    search._eliminate()
+    assert [f.explanation.physics for f in search.findings] == ["cubic_spring", "coulomb_friction"]
+    assert "cubic_spring_carriage" in search.model.components
+
+
+def test_what_a_later_one_needs_cannot_go():
+    problem = posed(run(0.1))
+    result = smooth(problem)
+    spring = law("cubic_spring")
+    on_it = replace(spring, edits=(replace(spring.edits[0], place="cubic_spring_carriage.flange_b"),))
+    assert Bare(problem=problem, model=problem.model).having([on_it], problem, result) is None
+    assert Bare(problem=problem, model=problem.model).having([], problem, result) == (problem, problem.model)
