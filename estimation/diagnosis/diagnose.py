@@ -108,6 +108,9 @@ def diagnose(
             held_out = prove(*pair, role="held_out" if split is None else "last third", seconds=left, progress=say)
         except (SolveError, InputError) as error:
             notes.append(f"What was held out could not be predicted: {error}")
+    if held_out is not None and held_out.refuting:
+        notes.append("What was held out contradicts the repair: it fits the one recording and mispredicts the other.")
+        verdict = verdict if verdict == "unknown_physics" else "undecided"
     return Diagnosis(
         verdict=verdict,
         findings=tuple(search.findings),

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from ..results import Smoothing
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+REFUTED = 0.05  # chance that windows are predicted as much worse, or worse still, by a model that is as good
+
 Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
 
 
@@ -131,6 +133,11 @@ class HeldOut:
     role: str
     force: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     attainable_percent: float | None = None
+
+    @property
+    def refuting(self) -> bool:
+        """Whether the repaired model predicts worse, beyond what chance would do."""
+        return self.improvement_percent < 0 and self.p_value > 1.0 - REFUTED
 
 
 @dataclass(frozen=True, kw_only=True)

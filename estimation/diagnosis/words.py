@@ -37,6 +37,8 @@ def _verdict(found: Diagnosis) -> str:
             where = listed(list(dict.fromkeys(f.explanation.place for f in nameless)))
             return f"Something is missing at {where} that no member of the library explains{beside}."
         case "undecided":
+            if found.held_out is not None and found.held_out.refuting:
+                return f"Something is missing, and {what} would explain it where it was fitted alone."
             rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
             return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."
     return f"The model leaves out {what}."

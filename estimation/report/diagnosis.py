@@ -63,6 +63,8 @@ def _doubts(found: Diagnosis) -> str:
     held = found.held_out
     if found.findings and held is None:
         said.append("Nothing was held out: the repair is not proven on other data.")
+    elif held is not None and held.refuting:
+        said.append("What was held out contradicts the repair: it fits the one recording and mispredicts the other.")
     elif found.findings and held is not None and not held.p_value < 0.05:
         said.append(f"What was held out does not confirm the repair (p = {number(held.p_value, 2)}).")
     items = "".join(f"<li>{s}</li>" for s in said)

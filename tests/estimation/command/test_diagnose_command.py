@@ -149,6 +149,8 @@ def test_every_verdict_is_one_sentence():
     )
     assert said("parameter", explanation=mass) == "A given value is wrong: carriage.m = 95.10 ± 0.52 kg."
     assert said("undecided", rivals=(rival,)).endswith("which it is: coulomb friction at carriage and input offset at input:F.")
+    refuted = replace(diagnosis(), verdict="undecided", held_out=replace(diagnosis().held_out, p_value=0.999, improvement_percent=-3.0))
+    assert "would explain it where it was fitted alone" in sentence(refuted)
     assert said("unknown_physics") == "Something is missing at carriage that no member of the library explains."
     assert sentence(replace(diagnosis(), verdict="none", findings=(), held_out=None)).startswith("Nothing is missing")
     with_proof = sentence(diagnosis())

@@ -63,6 +63,16 @@ def test_concealed_coulomb_friction_is_named_placed_and_measured():
     assert "Friction() at carriage.flange" in found.change
 
 
+def test_what_is_held_out_and_contradicts_a_repair_makes_it_undecided():
+    first, other = case(4.0, f_c=20.0), posed(run(4.0, STEP, seed=5), W={})  # the friction was gone on the other day
+    held_out = replace(other.recordings[0], name="other day", role="held_out")
+    d = diagnose(replace(first, recordings=[*first.recordings, held_out]), jobs=1)
+    assert [f.explanation.physics for f in d.findings][:1] == ["coulomb_friction"]
+    assert d.held_out.improvement_percent < 0
+    assert d.verdict == "undecided"
+    assert any("contradicts" in note for note in d.notes)
+
+
 def test_the_repaired_model_has_the_parameters_of_the_machine_and_predicts_what_was_held_out():
     d = friction()
     assert d.after.parameters["carriage.m"].value == pytest.approx(95.109, rel=5e-3)

@@ -140,6 +140,8 @@ def test_a_proof_that_does_not_confirm_is_said_first(tmp_path):
     page = written(replace(diagnosis(), held_out=held), tmp_path)
     assert "does not confirm the repair (p = 0.4)" in page.text
     assert "3 % larger with it" in page.text
+    refuting = written(replace(diagnosis(), verdict="undecided", held_out=replace(held, p_value=0.999)), tmp_path)
+    assert "contradicts the repair" in refuting.text
 
 
 def test_a_compiled_model_has_no_drawing_and_all_the_rest(tmp_path):
