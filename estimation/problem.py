@@ -174,6 +174,11 @@ class Problem:
                     f"parameters: {name} = {number:g} lies outside its physical range "
                     f"{info[name].minimum:g} .. {info[name].maximum:g} {info[name].unit}."
                 )
+            if isinstance(given, Free) and not max(given.min, info[name].minimum) < min(given.max, info[name].maximum):
+                raise InputError(
+                    f"parameters: {name} is free between {given.min:g} and {given.max:g}, which leaves one value of its physical range "
+                    f"{info[name].minimum:g} .. {info[name].maximum:g} {info[name].unit}; give that as a number, or other bounds."
+                )
         if not any(r.role == "fit" for r in self.recordings):
             raise InputError('Problem(recordings=...) needs at least one recording with role="fit".')
         names = [r.name for r in self.recordings]

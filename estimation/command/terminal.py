@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -62,8 +63,9 @@ def weight_table(found: Weighing) -> Table:
         table.add_column(heading)
     for label, c in found.components.items():
         low, high = c.interval
-        p = "" if c.p_zero is None else f"{c.p_zero:.2g}"
-        table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", f"{low:.3g} .. {high:.3g}", p)
+        p = "" if c.p_zero is None or not isfinite(c.p_zero) else f"{c.p_zero:.2g}"
+        between = f"{low:.3g} .. {high:.3g}" if isfinite(low) and isfinite(high) else ""
+        table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", between, p)
     return table
 
 

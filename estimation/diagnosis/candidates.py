@@ -35,11 +35,6 @@ class Insert:
         """name = Component() at place."""
         return f"{self.name} = {type(self.component).__name__}() at {self.place}"
 
-    @property
-    def units(self) -> dict[str, str]:
-        """Parameter -> its unit."""
-        return _units(self.name, self.component)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Exchange:
@@ -56,11 +51,6 @@ class Exchange:
         """name = Component() instead of the old one."""
         return f"{self.name} = {type(self.component).__name__}()"
 
-    @property
-    def units(self) -> dict[str, str]:
-        """Parameter -> its unit."""
-        return _units(self.name, self.component)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rebuild:
@@ -76,11 +66,6 @@ class Rebuild:
     def words(self) -> str:
         """What it does."""
         return self.said
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Of nothing that it tells."""
-        return {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,11 +84,6 @@ class Since:
     def words(self) -> str:
         """f_c from 3.2 s on."""
         return f"{', '.join(path for path, _ in self.before)} from {self.time:.4g} s on"
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Of nothing that it brings."""
-        return {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,17 +113,8 @@ class Alike:
         """All of them."""
         return "; ".join(part.words for part in self.parts)
 
-    @property
-    def units(self) -> dict[str, str]:
-        """The one parameter's."""
-        return {self.parameter: self._declared().unit}
-
     def _declared(self) -> Parameter:
         return self.parts[0].component.declared_parameters[self.word]
-
-
-def _units(name: str, component: Component) -> dict[str, str]:
-    return {f"{name}.{word}": p.unit for word, p in component.declared_parameters.items()}
 
 
 Edit = Insert | Exchange | Rebuild | Alike | Since
@@ -271,10 +242,18 @@ class Candidate:
         """Names of the components that another one takes the place of."""
         return [e.name for e in self.edits if isinstance(e, Exchange)]
 
-    @property
-    def units(self) -> dict[str, str]:
-        """Parameter of a component that it brings -> its unit."""
-        return {path: unit for e in self.edits for path, unit in e.units.items()}
+    def unit(self, model: Model, path: str, signals: Mapping[str, str]) -> str:
+        """Of a parameter of the model with it. signals: input or output -> its unit."""
+        edited = self.edited(model)
+        owner, _, word = path.partition(".")
+        if path in edited.parameters:
+            return self.said(edited.parameters[path].unit, signals)
+        declared = edited.components[owner].declared_parameters if owner in edited.components else {}
+        return self.said(declared[word].unit if word in declared else "", signals)
+
+    def said(self, unit: str, signals: Mapping[str, str]) -> str:
+        """The unit of a parameter: that of the signal where a block leaves it to that."""
+        return unit or signals.get(self.place.partition(":")[2], "")
 
     @property
     def sent(self) -> Candidate:

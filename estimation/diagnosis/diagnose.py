@@ -22,7 +22,7 @@ from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.program import Settings
-from ..smoothing.smoother import smooth
+from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
 from .frames import with_heading
@@ -144,7 +144,7 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     for way, fits in ways:
         say("the model as it is" + ("" if way.weigh else ", with weights from the forces' sizes"))
         name = kept.name(f"the model as it is, {'weighed' if way.weigh else 'held'}")
-        result = kept.smoothed(name, partial(smooth, problem, settings=way, progress=say))
+        result = kept.smoothed(name, partial(smoothing, problem, settings=way, progress=say))
         if result is not None and result.solver.converged:
             return result, fits
         status = status if result is None else result.solver.status.rstrip(".")

@@ -16,7 +16,7 @@ from backsight.ocp import Horizon, Solution
 from ..problem import Free, Problem
 from ..smoothing.along import along
 from ..smoothing.begun import followed_by
-from ..smoothing.rest import rounding
+from ..smoothing.rest import friction_laws, rounding
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate, Exchange
 from .channels import of_alike, of_input, of_sensor
@@ -173,6 +173,7 @@ class _Motions:
         self._solution, self._followed = solution, followed_by(solution)
         plain = problem.plain
         self._unseen = {plain.dae.places[k].name for k in moving_unseen(plain)}
+        self._laws = {law.velocity: problem.dae.parameters[law.width].name for law in friction_laws(problem)}
 
     def of(self, spot: Spot) -> Motion | None:
         """None where the model has no such motion."""
@@ -193,8 +194,17 @@ class _Motions:
         if not rms > 0:
             return None
         fine = self._fine(spot.name, position) if len(spot.flanges) == 1 and position is not None else ()
-        sharp = rounding(moved, resting=spot.name not in self._unseen)
+        sharp = self._width(velocity) or rounding(moved, resting=spot.name not in self._unseen)
         return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), fine=fine, sharp=sharp)
+
+    def _width(self, velocity: Any) -> float | None:
+        """That of a law which the model has there: another one with another width would tell from it what is no difference."""
+        dae, parameters = self._solution.transcription.dae, self._solution.parameters
+        names = [p.name for p in dae.parameters]
+        for own, width in self._laws.items():
+            if own in dae.variables and _equal(dae, dae.variables[own], velocity):
+                return float(parameters[names.index(width)])
+        return None
 
     def _fine(self, place: str, position: Any) -> tuple[float, ...]:
         """Periods at which the residual force of a place waves along the way of the longest recording."""
@@ -222,3 +232,12 @@ class _Motions:
             if rate is None and f"{spot.name}.{where}" in variables:
                 return variables[f"{spot.name}.{where}"], variables[f"{spot.name}.{where}"]
         return None, None
+
+
+def _equal(dae: Dae, one: Any, other: Any) -> bool:
+    """Whether two expressions of a model have one value at any states."""
+    motion = ca.vertcat(dae.dx, dae.x, dae.z)
+    both = ca.Function("both", [motion, dae.u, dae.p, dae.w, dae.t], [one, other])
+    at = np.random.default_rng(0).standard_normal((motion.shape[0], 3))
+    values = [both(x, 0, [q.value for q in dae.parameters], 0, 0) for x in at.T]
+    return all(np.allclose(np.asarray(a), np.asarray(b), rtol=1e-12, atol=0.0) for a, b in values)

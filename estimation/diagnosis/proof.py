@@ -36,7 +36,7 @@ from ..smoothing.begun import Begun
 from ..smoothing.prediction import noise, of_one_more
 from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
-from ..smoothing.smoother import OutOfTime, smooth
+from ..smoothing.smoother import OutOfTime, smoothing
 from ..supposed import noisy_inputs
 from .blocks import block_gains, chance, mean
 from .verdict import Errors, HeldOut
@@ -223,9 +223,9 @@ def _until(end: float) -> Settings:
 
 def _smoothed(problem: Problem, begin: Solution | None, end: float) -> Smoothing:
     """Smoothed from a solution by another model, from the samples, or at last with corners that are rounded less and less."""
-    smoothed = smooth(problem, settings=_until(end), begin=None if begin is None else Begun.of(begin, problem))
+    smoothed = smoothing(problem, settings=_until(end), begin=None if begin is None else Begun.of(begin, problem))
     if begin is not None and not smoothed.solver.converged:
-        smoothed = smooth(problem, settings=_until(end))
+        smoothed = smoothing(problem, settings=_until(end))
     widths = {
         p.name: float(given) for p in problem.dae.parameters if p.smoothing and isinstance(given := problem.parameters[p.name], float)
     }
@@ -234,7 +234,7 @@ def _smoothed(problem: Problem, begin: Solution | None, end: float) -> Smoothing
     at: Solution | None = None
     for factor in GENTLY:
         rounded = {name: factor * width for name, width in widths.items()}
-        smoothed = smooth(replace(problem, parameters={**problem.parameters, **rounded}), settings=_until(end), begin=at)
+        smoothed = smoothing(replace(problem, parameters={**problem.parameters, **rounded}), settings=_until(end), begin=at)
         at = smoothed.solution
     return smoothed
 

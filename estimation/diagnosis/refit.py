@@ -23,7 +23,7 @@ from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.begun import Begun, force_stds
 from ..smoothing.program import Settings
-from ..smoothing.smoother import OutOfTime, smooth
+from ..smoothing.smoother import OutOfTime, smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .held import rescaled
@@ -149,7 +149,7 @@ def fitted(
             weighed = with_weights_of(begin, now)
             if candidate.family == "friction":
                 weighed, there = _loosely(weighed, there, candidate.place, settings)
-        result = smooth(weighed, settings=settings, begin=there)
+        result = smoothing(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     more = 0.0
@@ -179,7 +179,7 @@ def _loosely(problem: Problem, begin: Begun | None, place: str, settings: Settin
         return problem, begin
     for factor in LOOSE:
         looser = replace(problem, weights=replace(problem.weights, W={**problem.weights.W, place: factor * std}))
-        result = smooth(looser, settings=settings, begin=begin)
+        result = smoothing(looser, settings=settings, begin=begin)
         if result.solution is None or not np.all(np.isfinite(result.solution.solved.decisions)):
             break
         problem, begin = settled(problem, result), Begun.at(result.solution)

@@ -20,7 +20,7 @@ from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.begun import Begun
 from ..smoothing.program import Settings
-from ..smoothing.smoother import smooth
+from ..smoothing.smoother import smoothing
 from ..workers import as_finished
 from .candidates import Candidate
 from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, slight, sound, steady
@@ -161,7 +161,7 @@ class Search:
         name = self.kept.name(repr((what, [f.change for f in self.findings], self.settings.weigh)))
         begin = Begun.of(solution, weighed)
         try:
-            found = self.kept.smoothed(name, partial(smooth, weighed, settings=settings, begin=begin, progress=self.say))
+            found = self.kept.smoothed(name, partial(smoothing, weighed, settings=settings, begin=begin, progress=self.say))
         except (SolveError, InputError):
             return None
         return found if found is not None and found.solver.converged else None
@@ -217,7 +217,7 @@ class Search:
         free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
         name = self.kept.name(repr(("weighed", [f.change for f in self.findings], free)))
         settings = replace(QUICKLY, seconds=max(left, 0.0) / 2)
-        found = self.kept.smoothed(name, partial(smooth, problem, settings=settings, begin=near.solution, progress=self.say))
+        found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=near.solution, progress=self.say))
         return None if found is None or not found.solver.converged else (problem, found)
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
@@ -369,9 +369,8 @@ class Search:
         self.problem, self.model, self.result = f.problem, f.model, f.whole
 
     def _limits(self, found: Screen, sizes: Sizes) -> None:
-        units = {path: unit for s in found.found for path, unit in s.candidate.units.items()}
         skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}
-        self.undetectable = limits(found, sizes, units, skipped)
+        self.undetectable = limits(found, sizes, self.model, skipped)
         self._unexplained(sizes)
 
     def _unexplained(self, sizes: Sizes) -> None:
@@ -424,7 +423,7 @@ def _strengths(c: Candidate, result: Smoothing | None) -> dict[str, Strength]:
     if result is None:
         return {}
     return {
-        word: Strength(value=p.value, std=p.std, unit=p.unit)
+        word: Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
         for word, path in c.named.items()
         if (p := result.parameters.get(path)) is not None
     }

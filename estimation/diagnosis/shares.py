@@ -6,6 +6,8 @@ from math import inf
 
 import numpy as np
 
+from backsight.models import Model
+
 from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.along import forces
@@ -64,7 +66,7 @@ class Sizes:
         return found
 
 
-def limits(found: Screen, sizes: Sizes, units: dict[str, str], skipped: set[tuple[str, str]]) -> list[Undetectable]:
+def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[tuple[str, str]]) -> list[Undetectable]:
     """Of every candidate that was not found, the least strength that would have been."""
     out = list[Undetectable]()
     least = max(float(np.sqrt(2.0 * found.needed(SURE))), CERTAIN)
@@ -72,11 +74,11 @@ def limits(found: Screen, sizes: Sizes, units: dict[str, str], skipped: set[tupl
         c = s.candidate
         if c.key in skipped or c.signals or not c.strengths or c.onset is not None:
             continue
-        out.append(_limit(s, sizes, units, least))
+        out.append(_limit(s, sizes, model, least))
     return out
 
 
-def _limit(s: Screened, sizes: Sizes, units: dict[str, str], least: float) -> Undetectable:
+def _limit(s: Screened, sizes: Sizes, model: Model, least: float) -> Undetectable:
     c = s.candidate
     path = c.strengths[-1]
     strength = least * float(s.std[-1]) * float(np.sqrt(s.inflation))
@@ -88,4 +90,4 @@ def _limit(s: Screened, sizes: Sizes, units: dict[str, str], least: float) -> Un
     elif c.of_reading:
         strength = max(strength, FLOOR)
     word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
-    return Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=units.get(path, ""))
+    return Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=c.unit(model, path, sizes.result.units))

@@ -37,19 +37,26 @@ def noise(time: Array, y: Array, supposed: float | None = None) -> Noise:
     quantisation, step/sqrt(12). Where they do not look white it is not below the rounding of a fine converter either: a sensor that
     filters has differences far below its noise.
     Robust against jumps (median of absolute differences) unless many differences are zero.
-    supposed: std where there are too few samples to tell (by itself a thousandth of the signal's variation).
+    supposed: std where the samples do not tell, too few or all alike (by itself a thousandth of how they vary, else of their value).
 
     least is what differences that alternate as those of white noise do (sign changes of a Gaussian sequence with lag-one correlation
     -d/(d + 1): a share arccos(-d/(d + 1))/pi) have shown, or the quantisation.
     """
     there = np.isfinite(y)
     t, finite = time[there], y[there]
-    found = [_of_order(order, t, finite) for order in ORDERS if len(finite) >= order + FEWEST]
-    size = float(np.std(finite)) or float(np.max(np.abs(finite), initial=0.0)) or 1.0
+    alike = not varies(finite)
+    found = [_of_order(order, t, finite) for order in ORDERS if len(finite) >= order + FEWEST and not alike]
+    size = (float(np.max(np.abs(finite), initial=0.0)) or 1.0) if alike else float(np.std(finite))
     rounding = _step(finite) / np.sqrt(12.0)
     seen, white = min(found, default=(supposed or 1e-3 * size, False))
     resolution = CONVERTER * float(np.ptp(finite)) if len(finite) and not white else 0.0
     return Noise(std=float(max(seen, rounding, resolution, 1e-9 * size)), least=float(max(seen if white else 0.0, rounding)))
+
+
+def varies(y: Array) -> bool:
+    """Whether y (n,), NaN where missing, has different values; by them, for the std of equal ones may be a rounding error."""
+    finite = y[np.isfinite(y)]
+    return finite.size > 0 and bool(np.ptp(finite) > 0.0)
 
 
 def noise_std(time: Array, y: Array, supposed: float | None = None) -> float:

@@ -26,7 +26,9 @@ from ..problem import Free, Problem
 from .along import rms
 from .driven import Driven
 
-DECADES = 1.5  # from which on guesses are beyond what a fit is started from: up or down
+DECADES = (-4, -3, -2, 2, 3, 4)  # by which guesses may be off together; a fit finds its way from one
+PLAINLY = 0.4  # by how much log R has to be less, or guesses stay
+EXPLAINS, SENSELESS = -0.3, 2.3  # log R of parameters that explain something; of such that are far too large, so that less is better
 
 
 @dataclass(frozen=True)
@@ -62,25 +64,33 @@ class KnownForces:
         return float(np.mean(np.log(whole[told] / known[told]))) if np.all(np.isfinite(whole)) else np.inf
 
     def factor(self, parameters: Array) -> float:
-        """By how much to multiply: a power of ten, 1 where forces are about as large as those that are known."""
+        """By how much to multiply: the power of ten with which R is least, 1 where that explains hardly more.
+
+        What moves unseen moves otherwise with every one of them, so how far off they are is not told by one look.
+        """
         if not self.proportional:
             return 1.0
-        F, known = self._at(parameters)
-        told = np.any(known != 0, axis=1)
-        size = rms((F - known)[told]) / rms(known[told])
-        if not told.any() or not np.all(np.isfinite(size)) or np.any(size == 0):
+        now, left = self.left(parameters), {d: self.left(self._multiplied(parameters, 10.0**d)) for d in DECADES}
+        told = {decades: log_R for decades, log_R in left.items() if np.isfinite(log_R)}
+        if not told or np.isnan(now):
             return 1.0
-        decades = -float(np.mean(np.log10(size)))
-        return 10.0 ** round(decades) if abs(decades) > DECADES else 1.0
+        best = min(told, key=lambda decades: (told[decades], abs(decades)))
+        better = now - told[best] > PLAINLY and (told[best] < EXPLAINS or now > SENSELESS)
+        return 10.0**best if better else 1.0
 
     def multiplied(self, parameters: Array, factor: float) -> tuple[Problem, Array]:
         """The problem with other guesses, and the parameters (np_all,), within their bounds."""
-        problem, given, values = self.problem, dict(self.problem.parameters), parameters.copy()
+        problem, given = self.problem, dict(self.problem.parameters)
         for i, free in self.proportional.items():
             low, high = problem.parameter_range(i)
-            values[i] = np.clip(parameters[i] * factor, low, high)
             given[problem.dae.parameters[i].name] = replace(free, guess=float(np.clip(free.guess * factor, low, high)))
-        return replace(problem, model=problem.dae, parameters=given), values
+        return replace(problem, model=problem.dae, parameters=given), self._multiplied(parameters, factor)
+
+    def _multiplied(self, parameters: Array, factor: float) -> Array:
+        values = parameters.copy()
+        for i in self.proportional:
+            values[i] = np.clip(parameters[i] * factor, *self.problem.parameter_range(i))
+        return values
 
     def _at(self, parameters: Array) -> tuple[Array, Array]:
         """F(p) and F(0) between all samples of all recordings, (balances, M)."""

@@ -20,6 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from backsight.models.augmentation.delay import INPUTS, delay_name, with_samples_moved
+from backsight.models.errors import InputError
 
 from ..problem import Free, Problem
 from ..recordings.delay import moved
@@ -41,8 +42,14 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
     if not sought:
         return problem, smooth(problem)
     interval = min(r.input_sampling for r in problem.fitted)
-    farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.recordings) / interval
+    farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.fitted) / interval
     guesses = {name: (p.guess if isinstance(p, Free) else p) / interval for name, p in sought.items()}
+    for name, guess in guesses.items():
+        if abs(guess) > farthest:
+            raise InputError(
+                f"delay of {_of(name)}: {guess * interval:g} s is more than {FARTHEST:g} of the shortest recording, "
+                f"{farthest * interval:g} s; give it in seconds, or leave the recording out."
+            )
     ranges = {name: _range(p, interval) for name, p in sought.items()}
     # an estimate begins in the interval that ends after its guess; what is given needs no series
     about = {n: float(np.floor(g)) + 1.0 if isinstance(sought[n], Free) else g for n, g in guesses.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from backsight.ocp.pieces import direct
 from ..problem import Known, Problem
 from ..recordings.drive import drive_of
 from ..recordings.gaps import usual_interval
-from ..recordings.noise import noise
+from ..recordings.noise import noise, varies
 from ..recordings.recording import Recording
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -24,17 +24,34 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
     """Noise of every output of every fitted recording, and those of them that nobody gave, per recording.
 
     Given by the weights V, else by the recording, else estimated from the samples' differences; the model's own noise stands where they
-    cannot tell.
+    cannot tell. Samples that are all alike have the noise of the same output in other recordings, else the model's own: what a fit leaves
+    over of them tells as little, and it counts as given.
     """
-    tables, chosen = [], []
     supposed = {q.name: q.noise_std for q in problem.dae.outputs}
-    whole = {recording.name: recording for recording in problem.recordings}
-    for recording in problem.fitted:
-        given = {name: problem.weights.noise(name, recording.name) or recording.output_std.get(name) for name in recording.outputs}
-        chosen.append({name for name, std in given.items() if std is None})
-        own = whole[recording.name]
-        tables.append({name: float(std or noise(own.time, own.outputs[name], supposed.get(name)).std) for name, std in given.items()})
+    whole = {r.name: r for r in problem.recordings if r.role == "fit"}
+    given = {k: {name: problem.weights.noise(name, k) or r.output_std.get(name) for name in r.outputs} for k, r in whole.items()}
+    told = {
+        k: {
+            name: float(std or noise(r.time, r.outputs[name], supposed.get(name)).std)
+            for name, std in given[k].items()
+            if std or varies(r.outputs[name])
+        }
+        for k, r in whole.items()
+    }
+    tables, chosen = [], []
+    for piece in problem.fitted:
+        r, own = whole[piece.name], told[piece.name]
+        alike = {name: _elsewhere(told.values(), name) or supposed.get(name) for name in piece.outputs if name not in own}
+        known = own | {name: float(std) for name, std in alike.items() if std}
+        tables.append({name: known.get(name) or noise(r.time, r.outputs[name]).std for name in piece.outputs})
+        chosen.append({name for name in piece.outputs if given[piece.name][name] is None and not alike.get(name)})
     return tables, chosen
+
+
+def _elsewhere(told: Iterable[Mapping[str, float]], name: str) -> float | None:
+    """The rms of an output's noise over the recordings that tell it; None where none does."""
+    stds = [own[name] for own in told if name in own]
+    return float(np.sqrt(np.mean(np.square(stds)))) if stds else None
 
 
 def check_varies(problem: Problem) -> None:
@@ -44,7 +61,7 @@ def check_varies(problem: Problem) -> None:
         if not those or q.noise_std is not None or any(problem.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in those):
             continue
         known = [y[np.isfinite(y)] for y in (r.outputs[q.name] for r in those)]
-        if max(y.size for y in known) > 1 and all(y.size == 0 or np.ptp(y) == 0.0 for y in known):
+        if max(y.size for y in known) > 1 and not any(varies(y) for y in known):
             value = next(y[0] for y in known if y.size)
             raise InputError(
                 f"{those[0].name}: output {q.name} is {value:g} in all its samples, which say nothing of its noise; "

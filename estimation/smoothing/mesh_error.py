@@ -58,12 +58,13 @@ class Checked:
     """A solution whose mesh was looked at.
 
     error: what its mesh moves every output, in units of its noise, and every free parameter, in units of its deviation. mattered: whether
-    the first mesh moved one of them by more than is allowed.
+    the first mesh moved one of them by more than is allowed. unchecked: why nobody has looked, where a second look was called for.
     """
 
     solution: Solution
     error: dict[str, float] = field(default_factory=dict)
     mattered: bool = False
+    unchecked: str = ""
 
 
 def refine(
@@ -81,32 +82,37 @@ def refine(
     checked = Checked(solution=solution)
     if not solution.solved.status.converged or unresolved_moment(solution) <= UNRESOLVED:
         return checked
+    why = ""
     for _ in range(HALVINGS):
         t = checked.solution.transcription
         horizons, degree = list(t.horizons), t.degree
         if t.nlp.terms[checked.solution.term("samples")].within is not None:
             if t.nlp.constraint_count:
-                break  # a factor of that degree with constraints costs a hundred times the solve that it would check
+                why = "with constraints it would cost a hundred times the solve itself"
+                break
             degree += 1
         else:
             horizons = [replace(h, mesh=h.mesh.refined()) for h in horizons]
         if sum(h.mesh.count for h in horizons) > MOST_INTERVALS or degree > HIGHEST:
+            why = f"it would take more than {MOST_INTERVALS} intervals" if degree <= HIGHEST else f"its degree would be above {HIGHEST}"
             break
         say(f"looking again with {sum(h.mesh.count for h in horizons)} intervals of degree {degree}")
         finer, ended = again(checked.solution, horizons, degree)
         if not finer.solved.status.converged:
+            why = "the finer program was not solved"
             break
         moved = _moved(checked.solution, finer)
         if keep or not exceeds(checked.solution, moved, LEFT):
             return replace(checked, error=moved, mattered=checked.mattered or exceeds(checked.solution, moved))
         finer = ended()
         if not finer.solved.status.converged:
+            why = "the finer program was not solved"
             break
         error = {name: LEFT * size for name, size in moved.items()}
         checked = Checked(solution=finer, error=error, mattered=checked.mattered or exceeds(solution, moved))
         if not exceeds(solution, error):
             break
-    return checked
+    return checked if checked.error else replace(checked, unchecked=why)
 
 
 def allowed(solution: Solution, name: str) -> float:

@@ -156,7 +156,9 @@ def _on_the_start(problem: Problem, run: Run) -> list[str]:
     parameters = run.choice.solution.parameters
     for i, info in enumerate(dae.parameters):
         if info.smoothing and info.name not in problem.parameters and parameters[i] != info.value:
-            found.append(f"{info.name} was chosen: {parameters[i]:.3g} {info.unit}, one percent of the rms velocity there.")
+            found.append(
+                f"{info.name} was chosen: {parameters[i]:.3g} {info.unit}, one percent of the rms velocity there, or less where it rests."
+            )
     unseen = unseen_states(problem)
     if unseen and problem.free:
         found.append(f"No output shows {', '.join(unseen)}: it started from the model at the guesses, on which the answer may depend.")
@@ -217,7 +219,12 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
             f"Near rest, in {100 * share:.1f} % of the mesh, a friction law is least certain: the residual force has as much room "
             "more there as the law is strong, and these stretches say hardly anything about the parameters."
         )
-    for name, error in run.mesh_error.items():
+    if run.checked.unchecked:
+        found.append(
+            f"How far the mesh itself moves the answer was not measured ({run.checked.unchecked}), and its balances leave out enough to "
+            "ask: give W more room, a smaller step, or a shorter range."
+        )
+    for name, error in run.checked.error.items():
         if error > allowed(solution, name):
             unit = "noise" if name in {q.name for q in dae.outputs} else "deviation"
             found.append(
@@ -236,7 +243,11 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
         said: dict[str, list[str]] = {}
         for k in recordings:
             is_open = q.name in run.open_outputs[k]
-            rule = "from the samples' differences, then from what the fit leaves over" if is_open else "as given"
+            given = q.name in problem.fitted[k].output_std or problem.weights.noise(q.name, problem.fitted[k].name) is not None
+            rule = "as given" if given else "as elsewhere, for it is constant here"
+            if is_open:
+                end = "" if run.choice.settled else "; it had not settled"
+                rule = f"from the samples' differences, then from what the fit leaves over{end}"
             said.setdefault(f"std {run.noise(k, q.name, i):.3g} {q.unit} {rule}", []).append(problem.fitted[k].title)
         several = len(said) > 1
         parts = [f"{rule} ({listed(names)})" if several else rule for rule, names in said.items()]

@@ -19,6 +19,7 @@ from ..supposed import noisy_inputs, own_parameters
 from ..validation.rates import undriven_rates
 from ..validation.validate import Validation, followed, validate
 from .columns import columns, places
+from .mesh_error import Checked
 from .notes import notes
 from .rest import rows_near_rest
 from .variances import Choice
@@ -34,7 +35,7 @@ class Run:
     """A solved smoothing problem.
 
     stds, open_outputs: per recording, the outputs' standard deviations that `choice.output_factor` multiplies, and those that nobody gave.
-    remeshed: whether the weights asked for a second mesh. mesh_error: output -> error that the mesh leaves, in units of its noise.
+    remeshed: whether the weights asked for a second mesh. checked: what its mesh was found to do.
     said: sentences of the last steps (`marginal.py`).
     """
 
@@ -42,7 +43,7 @@ class Run:
     stds: list[dict[str, float]]
     open_outputs: tuple[set[str], ...]
     remeshed: bool
-    mesh_error: Mapping[str, float]
+    checked: Checked
     said: tuple[str, ...] = ()
 
     def noise(self, number: int, output: str, index: int) -> float:
@@ -68,9 +69,10 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     fit = {name: validation.fits(recordings[name], table) for name, table in estimates.items()}
     inputs: dict[str, dict[str, Array]] = {name: dict(recordings[name].inputs) for name in estimates}
     rates = undriven_rates(solution, problem.fitted)
-    sizes = _sizes(problem, solution, [piece for parts in pieces.values() for piece in parts])
+    tables = [piece for parts in pieces.values() for piece in parts]
+    sizes = _sizes(problem, solution, tables)
     residuals = _residuals(problem, sizes, estimates, inputs, validation, rates)
-    parameters = _parameters(problem, solution, estimates)
+    parameters = _parameters(problem, solution, tables)
     return Smoothing(
         model=dae.name,
         parameters=parameters,
@@ -109,8 +111,11 @@ def _joined(recording: Recording, pieces: list[pd.DataFrame]) -> pd.DataFrame:
     return table.assign(**{f"{name}.measured": y for name, y in recording.outputs.items()})
 
 
-def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd.DataFrame]) -> dict[str, ParameterEstimate]:
-    """The model's parameters in its order; one that every recording has of its own in each, one that drifts as its mean over time."""
+def _parameters(problem: Problem, solution: Solution, pieces: Sequence[pd.DataFrame]) -> dict[str, ParameterEstimate]:
+    """The model's parameters in its order; one that every recording has of its own in each, one that drifts as its mean over time.
+
+    pieces: the estimates of every horizon.
+    """
     posed, values = problem.posed, solution.parameters
     variance = np.full(len(posed.free), np.nan) if solution.curvature is None else solution.curvature.parameter_variance
     std = dict(zip(posed.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
@@ -125,8 +130,7 @@ def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd
             if number[name] in held:  # up to the solver's tolerance
                 value, s = min(posed.parameter_range(number[name]), key=lambda bound: abs(bound - value)), np.nan
             if isinstance(given, Free) and given.drift is not None:
-                path = np.vstack([table[[name, f"{name}.std"]].to_numpy() for table in estimates.values()])
-                value, s = (float(mean) for mean in np.nanmean(path, axis=0))
+                value, s = (_over_time(pieces, column) for column in (name, f"{name}.std"))
             known = s if isinstance(given, Free) and np.isfinite(s) and s > 0 else None
             out[name] = ParameterEstimate(
                 name=name,
@@ -139,6 +143,16 @@ def _parameters(problem: Problem, solution: Solution, estimates: Mapping[str, pd
                 on_bound=number[name] in held,
             )
     return out
+
+
+def _over_time(pieces: Sequence[pd.DataFrame], column: str) -> float:
+    """Mean of a column over the time of all pieces, trapezoidal between the rows that are known; NaN where none are."""
+    area = span = 0.0
+    for piece in pieces:
+        t, y = piece[["t_s", column]].dropna().to_numpy().T
+        if len(t):
+            area, span = area + float(np.trapezoid(y, t)), span + float(t[-1] - t[0])
+    return area / span if span > 0 else float("nan")
 
 
 def _correlation(problem: Problem, solution: Solution, parameters: Mapping[str, ParameterEstimate]) -> pd.DataFrame:

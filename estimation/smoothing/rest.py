@@ -22,6 +22,7 @@ from backsight.ocp.polynomials import Array
 from ..problem import Free, Problem
 from ..supposed import PARAMETER
 from .along import along
+from .law_velocity import velocity_of
 
 Room = NDArray[np.bool_]
 
@@ -33,7 +34,6 @@ DOUBT = 3.0  # standard deviations of a velocity within which its sign is not kn
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
 TINY = 1e-300  # strength that still marks an interval near rest
-VELOCITIES = ("v_rel", "w_rel", "omega_rel")
 VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
 
 
@@ -60,13 +60,13 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
         presliding = bool(own)  # a law with a state of its own, not a parameter that drifts, holds a body by itself
         if not parameter.smoothing or parameter.unit not in VELOCITY_UNITS or presliding:
             continue
-        velocity = next((f"{component}.{v}" for v in VELOCITIES if f"{component}.{v}" in dae.variables), None)
         slope = ca.jacobian(dae.residual, dae.p[index])
         others = [i for i in fixed if i != index]
         slope = ca.substitute(slope, ca.vertcat(*(dae.p[i] for i in others)), numbers[others]) if others else slope
         rows = [r for r in range(slope.shape[0]) if not ca.simplify(slope[r]).is_zero()]
         places = tuple(int(e.place) for r, e in enumerate(dae.equations) if r in rows and e.place is not None)
-        if velocity is not None and places:
+        velocity = velocity_of(dae, component, index, slope) if places else None
+        if velocity is not None:
             laws.append(FrictionLaw(width=index, velocity=velocity, places=places))
     return tuple(laws)
 

@@ -31,7 +31,7 @@ from .delays import settled
 from .horizons import check_varies, output_stds, shown_noise
 from .initial_guess import balance
 from .lifted import lifted, measured_by
-from .marginal import Moved, marginal, released
+from .marginal import UNMOVED, Moved, marginal, released
 from .mesh_error import Checked, refine
 from .meshing import Meshed, follow_closely, mesh
 from .outcome import Run, outcome
@@ -68,12 +68,31 @@ def smooth(
     """
 
     check_kind(problem, Problem, "smooth(...): the problem", "write smooth(Problem(model=..., recordings=[...]))")
-    asked_for, say = settings is None, progress or (lambda _: None)  # by somebody, and not as a part of something else
-    if asked_for:
-        check_varies(problem)
-        if (note := rates_note([r for r in problem.recordings if r.role == "fit"])) is not None:
-            say(note)
-    settings = settings or Settings()
+    say = progress or (lambda _: None)
+    check_varies(problem)
+    if (note := rates_note([r for r in problem.recordings if r.role == "fit"])) is not None:
+        say(note)
+    result = smoothing(problem, settings=settings, begin=begin, progress=progress)
+    if result.solver.converged or (plain := freed(problem)) is None:
+        return result
+    say("without what was given beforehand")
+    plain = replace(plain, recordings=[r for r in plain.recordings if r.role == "fit"])
+    try:
+        without = smoothing(plain, settings=settings, begin=begin, progress=progress)
+    except (SolveError, InputError):
+        return result
+    return replace(result, notes=(blamed(problem, without), *result.notes)) if without.solver.converged else result
+
+
+def smoothing(
+    problem: Problem,
+    *,
+    settings: Settings | None = None,
+    begin: Solution | Begun | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Smoothing:
+    """`smooth` as a part of something else: the recordings are known to tell something, and nothing is tried when it does not converge."""
+    settings, say = settings or Settings(), progress or (lambda _: None)
     if settings.seconds < math.inf:
         settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))
         say = _until(time.monotonic() + settings.seconds, say)
@@ -82,18 +101,10 @@ def smooth(
         return _smoothed(posed, settings, Begun.at(begin) if isinstance(begin, Solution) else begin, say)
 
     posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
-    if asked_for and not result.solver.converged and (plain := freed(problem)) is not None:
-        say("without what was given beforehand")
-        plain = replace(plain, recordings=[r for r in plain.recordings if r.role == "fit"])
-        try:
-            without = smooth(plain, settings=settings, begin=begin, progress=progress)
-        except (SolveError, InputError):
-            return result
-        return replace(result, notes=(blamed(problem, without), *result.notes)) if without.solver.converged else result
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
         return result
     say("predicting what was held out")
-    held_out, notes = predict(posed, result, lambda pieces: smooth(pieces, settings=replace(settings, step=None)))
+    held_out, notes = predict(posed, result, lambda pieces: smoothing(pieces, settings=replace(settings, step=None)))
     return replace(result, held_out=held_out, notes=(*result.notes, *notes))
 
 
@@ -190,7 +201,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         choice, stds, moved = work.weighed_again(choice, moved, stds, meshed.least_std)
         last = moved.solution
     choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
-    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, mesh_error=checked.error, said=moved.said)
+    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, checked=checked, said=moved.said)
     return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
 
 
@@ -292,7 +303,7 @@ class _Work:
             again = marginal(program, released(second.solution, moved.solution.solved.on_bound), self.say)
             change = np.log(np.concatenate([second.force_std / choice.force_std, second.output_factor.ravel()]))
             choice, stds = replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
-            moved = replace(again, said=moved.said)
+            moved = again if again.said == (UNMOVED,) else replace(again, said=moved.said)
             if again.far < FAR and np.max(np.abs(change)) < CLOSE:
                 break
         return choice, stds, moved

@@ -43,7 +43,7 @@ DOUBTLESS = 30.0  # LR from which on a force is there: p = 2e-8
 class Component:
     """One weight from the data: its std [unit], that of its logarithm (NaN where the data do not tell), and p that it is zero.
 
-    p_zero: None where nobody asks: a sensor has noise.
+    p_zero: None where nobody asks: a sensor has noise. NaN where a solve did not arrive.
     """
 
     std: float
@@ -53,7 +53,7 @@ class Component:
 
     @property
     def may_be_none(self) -> bool:
-        """Whether the data would do without it."""
+        """Whether the data would do without it; not so where nobody knows."""
         return self.p_zero is not None and self.p_zero > ZERO
 
     @property
@@ -111,8 +111,8 @@ def maximise(
 ) -> Found:
     """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
     here, settled = here or _at(turned, theta, None), False
-    if not moving.any():
-        return Found(theta=theta, moving=moving, likelihood=here, settled=True)
+    if not moving.any() or not np.isfinite(here.value):  # nothing to seek, or no minimum to begin at
+        return Found(theta=theta, moving=moving, likelihood=here, settled=not moving.any())
     step, promise = _step(turned, here, moving)
     for rounds in range(1, ROUNDS + 1):
         if say is not None:
@@ -135,7 +135,7 @@ def maximise(
 
 
 def without(turned: Turned, best: Found, f: int, say: Callable[[str], None] | None = None) -> float:
-    """p that weight f is zero, NaN where a solve did not arrive.
+    """p that weight f is zero, NaN where a search did not arrive: without its greatest value under the null a ratio says too much.
 
     Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, that p is the most it can be, and the
     rest of the way is not gone.
@@ -152,11 +152,10 @@ def without(turned: Turned, best: Found, f: int, say: Callable[[str], None] | No
             theta, here = gone.theta, gone.likelihood
             if _ratio(best, here) > DOUBTLESS:
                 break
-    if here is not best.likelihood:
-        here = maximise(turned, theta, best.moving & ~alone, here).likelihood
-    if not all(at.solution.solved.status.converged for at in (best.likelihood, here)):
+    null = best if here is best.likelihood else maximise(turned, theta, best.moving & ~alone, here)
+    if not (best.arrived and null.arrived):
         return float("nan")
-    ratio = _ratio(best, here)
+    ratio = _ratio(best, null.likelihood)
     p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
     if say is not None:
         say(f"without {turned.weights[f].label}: likelihood ratio {ratio:.1f}")

@@ -13,7 +13,7 @@ import numpy as np
 from ..problem import Problem
 from ..smoothing.horizons import check_varies
 from ..smoothing.program import Settings
-from ..smoothing.smoother import smooth
+from ..smoothing.smoother import smoothing
 from ..supposed import noisy_inputs
 from .components import Component, Found, maximise, without
 from .turned import Turned, turned
@@ -52,7 +52,7 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     """The weights of the fitted recordings."""
     check_varies(problem)
     posed = opened(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"]))
-    first = smooth(posed, settings=Settings(marginal=False), progress=say)
+    first = smoothing(posed, settings=Settings(marginal=False), progress=say)
     knobs = turned(posed, first)
     say("weights from the likelihood")
     given = _given(problem, knobs)

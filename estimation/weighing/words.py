@@ -38,7 +38,9 @@ def _equations(found: Weighing) -> list[str]:
         elif share > LARGE:
             out.append(f"{place}: the data cannot satisfy its balance: {100 * share:.0f} % of its forces are left over.")
         elif share < SMALL:
-            out.append(f"{place}: its balance leaves {100 * share:.2g} % of its forces over: little, but more than none.")
+            known = component.p_zero is not None and np.isfinite(component.p_zero)
+            beside = "but more than none" if known else "and whether more than none is not known"
+            out.append(f"{place}: its balance leaves {100 * share:.2g} % of its forces over: little, {beside}.")
         else:
             out.append(f"{place}: its balance leaves {100 * share:.1f} % of its forces over.")
     return out

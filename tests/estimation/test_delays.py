@@ -151,6 +151,21 @@ def test_a_delay_of_more_than_half_the_recording_is_not_passed_on_in_silence():
     assert any("No settled value was found for the delay of x" in note and '"delay:x"' in note for note in s.notes), s.notes
 
 
+def test_a_recording_that_is_held_out_does_not_limit_the_delay_however_short_it_is():
+    later = recorded(2, 0.1, name="short")
+    held_out = replace(
+        later, time=later.time[:15], inputs={"F": later.inputs["F"][:15]}, outputs={"x": later.outputs["x"][:15]}, role="held_out"
+    )
+    alone, beside = fitted(late(1, 0.1)), fitted(late(1, 0.1), held_out)
+    assert beside.parameters["delay:x"].value == alone.parameters["delay:x"].value
+
+
+@pytest.mark.parametrize("delay", [Free(5.0), Free(-3.0), 5.0])
+def test_a_delay_beyond_the_recording_is_refused(delay):
+    with pytest.raises(InputError, match=r"delay of x: (5|-3) s is more than 0.5 of the shortest recording"):
+        fitted(late(1, 0.0), free={"delay:x": delay})
+
+
 def test_a_delay_that_nobody_asks_for_spoils_the_rest():
     s = fitted(late(1, 0.013, ask=False))
     assert max(abs(s.parameters[n].value - v) / s.parameters[n].std for n, v in TRUE.items()) > 5

@@ -99,6 +99,7 @@ def test_weights_keep_their_own_copy():
         ({"bounds": {"mass.s": (0.0, 1.0)}, "initial": {"mass.s": Known(2.0, 0.1)}}, "its initial value 2 lies outside"),
         ({"initial": {"mass.x": 0.0}}, "initial: oscillator has no state 'mass.x'; did you mean 'mass."),
         ({"parameters": {"mass.m": -1.0}}, "parameters: mass.m = -1 lies outside its physical range 0 .. inf kg."),
+        ({"parameters": {"mass.m": Free(0.0, min=-5.0, max=0.0)}}, "mass.m is free between -5 and 0, which leaves one value of its"),
         ({"parameters": {"mass.m": Free(-1.0)}}, "parameters: mass.m = -1 lies outside its physical range 0 .. inf kg."),
         ({"recordings": []}, 'Problem(recordings=...) needs at least one recording with role="fit".'),
         ({"recordings": [replace(RECORDING, role="held_out")]}, 'Problem(recordings=...) needs at least one recording with role="fit".'),

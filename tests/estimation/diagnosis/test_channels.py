@@ -151,7 +151,7 @@ def test_inputs_of_parts_of_one_kind_may_be_late_together():
         assert [edited.bindings[f"input_{block}_u_{i}.{path.rpartition('.')[2]}"] for i in (1, 2, 3, 4)] == [path] * 4
         assert path in {p.name for p in compile_model(edited).parameters}
         assert all(s.of == tuple(f"input:u_{i}" for i in (1, 2, 3, 4)) for s in c.signals)
-        assert c.units[path] == "s"
+        assert c.unit(model, path, {}) == "s"
         left = of_alike(edited, ["u_1", "u_2", "u_3", "u_4"], 0.01, 10.0)
         assert c.physics not in {o.physics for o in left}
 

@@ -9,6 +9,7 @@ import pytest
 from concealed_axis import posed, run, smoothed
 
 from backsight.estimation import Free, smooth
+from backsight.estimation.diagnosis.candidates import Insert
 from backsight.estimation.diagnosis.library import library
 from backsight.models import compile_model
 
@@ -38,6 +39,21 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
         found = library(problem, problem.model, smooth(problem).solution)
         wrong = {name for c in found if c.physics == "wrong_parameter" for name in c.strengths}
         assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
+
+
+def test_a_law_beside_one_of_the_model_rounds_its_sign_as_that_does():
+    """Two widths would tell apart what are two names of one force."""
+    problem = posed(run(0.3, f_c=20.0), friction__f_c=Free(15.0, min=0.0), friction__width=3.7e-3)
+    found = library(problem, problem.model, smooth(problem).solution)
+    widths = {
+        c.physics: edit.component.parameters["width"]
+        for c in found
+        if c.place == "carriage" and c.physics.endswith("friction")
+        for edit in c.edits
+        if isinstance(edit, Insert) and edit.component.parameters.get("width")
+    }
+    assert widths["stribeck_friction"] == 3.7e-3
+    assert set(widths.values()) == {3.7e-3}
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
 from backsight.estimation.diagnosis.shares import CERTAIN, FLOOR, SURE, Sizes, limits
 from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.models.plants import actuator
 
 
 def rms(values: np.ndarray) -> float:
@@ -61,7 +62,7 @@ def test_little_is_left_over_of_a_model_that_lacks_nothing_and_what_lacks_is(axi
 def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
     _, sizes, _, found = axis
     least = max(np.sqrt(2 * found.needed(SURE)), CERTAIN)
-    out = {(u.place, u.physics): u for u in limits(found, sizes, {"quadratic_drag_carriage.c": "N.s2/m2"}, {("carriage", "cogging")})}
+    out = {(u.place, u.physics): u for u in limits(found, sizes, actuator(), {("carriage", "cogging")})}
     assert ("carriage", "cogging") not in out  # it was found
     assert ("input:F", "input_lag") not in out
     assert all(np.isfinite(u.strength) and u.strength > 0 for u in out.values())
@@ -70,6 +71,7 @@ def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
     drag = out["carriage", "quadratic_drag"]
     assert drag.strength == pytest.approx(max(least * s.std[0], FLOOR / one))
     assert (drag.parameter, drag.unit) == ("c", "N.s2/m2")
+    assert [u for u in out.values() if not u.unit] == []
     bias = out["sensor:x", "sensor_drift"]
     (rate,) = (s.std for s in found.found if s.candidate.physics == "sensor_drift")
     assert bias.strength == pytest.approx(least * rate[0])
@@ -77,7 +79,7 @@ def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
 
 def test_an_effect_at_its_limit_is_seen_and_one_at_a_tenth_of_it_is_not(axis):
     _, sizes, _, found = axis
-    drag = next(u for u in limits(found, sizes, {}, set()) if u.physics == "quadratic_drag")
+    drag = next(u for u in limits(found, sizes, actuator(), set()) if u.physics == "quadratic_drag")
     gains = []
     for strength in (0.1 * drag.strength, 2.0 * drag.strength):
         made = run(1.5, 2e-3, force=lambda _t, _q, v, c=strength: -c * v * np.abs(v))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from backsight.estimation.recordings.noise import noise, noise_std
+from backsight.estimation.recordings.noise import Noise, noise, noise_std, varies
 
 TIME = np.linspace(0.0, 10.0, 4001)
 SMOOTH = np.sin(2 * TIME) + 0.3 * np.sin(7 * TIME)
@@ -68,6 +68,18 @@ def test_a_few_jumps_are_not_noise():
 def test_it_is_always_positive_and_finite(y):
     assert np.isfinite(noise_std(TIME[: len(y)], y))
     assert noise_std(TIME[: len(y)], y) > 0
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-3, 0.25, 250.0])
+def test_a_constant_tells_nothing_of_its_noise_whatever_its_rounding(value):
+    """The std of a thousand times 0.001 is 4e-19."""
+    y = np.full(1000, value)
+    y[::7] = np.nan
+    assert not varies(y)
+    assert noise(TIME[:1000], y, supposed=0.07) == Noise(std=0.07, least=0.0)
+    assert noise(TIME[:1000], y).std == 1e-3 * (value or 1.0)
+    y[500] = 1.1 * value + 1e-3
+    assert varies(y)
 
 
 def uneven(kind: str) -> tuple[np.ndarray, np.ndarray]:

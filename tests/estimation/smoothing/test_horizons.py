@@ -58,6 +58,27 @@ def test_the_models_own_noise_stands_where_the_samples_are_too_few_to_tell():
     assert output_stds(Problem(model=sensor, recordings=[recording()]))[0][0]["v"] == pytest.approx(1e-2, rel=0.25)
 
 
+def test_an_output_that_rests_in_one_recording_has_the_noise_that_the_others_show():
+    moving, still = recording(), recording(name="still", outputs={"v": np.full(101, 1e-3)})
+    tables, chosen = output_stds(Problem(model=DAE, recordings=[still, moving]))
+    assert tables[0] == tables[1]
+    assert tables[1]["v"] == pytest.approx(1e-2, rel=0.25)
+    assert chosen == [set(), {"v"}]  # what the fit leaves over where nothing moves is no noise
+    third = recording(name="third", output_std={"v": 0.2})
+    tables, chosen = output_stds(Problem(model=DAE, recordings=[still, moving, third]))
+    assert tables[0]["v"] == pytest.approx(np.sqrt((tables[1]["v"] ** 2 + 0.2**2) / 2))
+    assert output_stds(Problem(model=DAE, recordings=[still, moving], weights=Weights(V={"v [still]": 0.5})))[0][0] == {"v": 0.5}
+
+
+def test_an_output_that_rests_throughout_has_the_noise_that_the_model_supposes():
+    sensor = replace(DAE, outputs=tuple(replace(q, noise_std=0.07) for q in DAE.outputs))
+    still = recording(outputs={"v": np.full(101, 1e-3)})
+    assert output_stds(Problem(model=sensor, recordings=[still])) == ([{"v": 0.07}], [set()])
+    tables, chosen = output_stds(Problem(model=DAE, recordings=[still]))  # which `check_varies` refuses
+    assert tables[0]["v"] > 0
+    assert chosen == [{"v"}]
+
+
 def test_the_density_of_samples_counts_those_that_are_there():
     y = np.ones(101)
     y[1::2] = np.nan

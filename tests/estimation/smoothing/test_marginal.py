@@ -12,7 +12,8 @@ from scipy.optimize import minimize
 from studies import coverage
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.smoothing.marginal import WORTH, at, intervals_apart
+from backsight.estimation.smoothing import smoother
+from backsight.estimation.smoothing.marginal import UNMOVED, WORTH, Moved, at, intervals_apart
 from backsight.estimation.smoothing.profile import profile
 from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.robust import RobustSolution
@@ -220,6 +221,20 @@ def test_of_hubers_loss_the_cost_has_no_slope_at_its_own_optimum_whatever_the_pr
     assert np.max(np.abs(found.pull * found.std)[inside]) < 0.02
     # with what the deviations lack it would have one
     assert np.max(np.abs(replace(found, values=solution.values).pull * found.std)[inside]) > 0.05
+
+
+def test_steps_that_lead_nowhere_at_the_weights_in_force_are_told(monkeypatch):
+    _, u, y = run(2000, 3)
+    steps, calls = smoother.marginal, list[Moved]()
+
+    def failing(*arguments) -> Moved:
+        calls.append(steps(*arguments) if not calls else Moved(solution=arguments[1], said=(UNMOVED,)))
+        return calls[-1]
+
+    monkeypatch.setattr(smoother, "marginal", failing)
+    result = smoothed(u, y, weights=Weights())
+    assert len(calls) > 1
+    assert UNMOVED in result.notes
 
 
 def test_weights_from_the_data_are_those_at_the_parameters_of_most_marginal_likelihood():

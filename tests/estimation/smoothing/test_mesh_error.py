@@ -62,6 +62,14 @@ def test_a_mesh_that_was_asked_for_stays_and_a_note_tells_its_error():
     assert true / 3 < told < 3 * true
 
 
+def test_where_a_second_look_would_cost_too_much_the_mesh_is_not_called_fine(monkeypatch):
+    recording, _ = rigid(std=1e-3)
+    monkeypatch.setattr(mesh_error, "UNRESOLVED", 0.0)
+    monkeypatch.setattr(mesh_error, "MOST_INTERVALS", 10)
+    s = fitted(recording, 0.3)
+    assert any("was not measured (it would take more than 10 intervals)" in note for note in s.notes)
+
+
 def test_with_room_for_the_forces_nothing_is_solved_twice():
     recording, _ = rigid(std=1e-3)
     told: list[str] = []

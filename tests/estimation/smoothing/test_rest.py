@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding
-from backsight.models import compile_model
+from backsight.models import Model, Parameter, Variable, compile_model, equal, law
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalElement, RotationalFixed, Torque
 from backsight.models.plants import actuator
 from backsight.models.signals import DeadZone
 from backsight.ocp.follow import Followed, follow
@@ -106,6 +109,51 @@ def test_a_friction_that_is_fixed_at_zero_is_no_law():
     recording, _ = dwelling(2)
     assert len(friction_laws(Problem(model=DAE, recordings=[recording], parameters=FREE))) == 1
     assert friction_laws(Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": 0.0})) == ()
+
+
+class Bearing(RotationalElement):
+    """A friction of a user's own, its velocity under a name of its own."""
+
+    speed = Variable("rad/s")
+    power = Variable("W")
+    d = Parameter("N.m.s/rad", 0.1, min=0.0, description="viscous")
+    tau_c = Parameter("N.m", 1.0, min=0.0, description="dry")
+    width = Parameter("rad/s", 1e-2, min=1e-12, description="rounding of the sign", smoothing=True)
+
+    def equations(self, c: Any) -> dict[str, Any]:
+        dry = c.tau_c * c.speed / ca.sqrt(c.speed**2 + c.width**2)
+        return {
+            **super().equations(c),
+            "power": equal(c.power, c.tau * c.speed),
+            "speed": equal(c.speed, c.der(c.phi_rel)),
+            "friction law": law(c.tau, c.d * c.speed + dry),
+        }
+
+
+def test_the_velocity_of_a_law_of_ones_own_is_found_by_its_equations():
+    model = Model(
+        name="rotor",
+        components={
+            "motor": Torque(),
+            "rotor": Inertia(J=1.0),
+            "bearing": Bearing(),
+            "ground": RotationalFixed(),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("motor.flange", "rotor.flange"),
+            ("encoder.flange", "rotor.flange"),
+            ("rotor.flange", "bearing.flange_a"),
+            ("bearing.flange_b", "ground.flange"),
+        ],
+        inputs={"tau": "motor.tau"},
+        outputs={"phi": "encoder.phi"},
+    )
+    recording = Recording(
+        name="r", time=np.arange(3.0), inputs={"tau": np.zeros(3)}, outputs={"phi": np.arange(3.0)}, output_std={"phi": 1.0}
+    )
+    (law,) = friction_laws(Problem(model=model, recordings=[recording], parameters={"bearing.tau_c": Free(1.0)}))
+    assert law.velocity == "bearing.speed"
 
 
 def test_a_sign_is_as_sharp_as_a_body_rests_and_as_round_as_it_was_where_it_only_turns():

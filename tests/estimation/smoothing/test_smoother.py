@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoothing.smoother import OutOfTime, Settings
+from backsight.models.errors import InputError
 from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
 from backsight.ocp import Options
@@ -428,3 +429,9 @@ def test_without_weighing_forces_keep_the_share_of_the_start_and_with_it_they_ar
     # some percent of forces of the size of the input, over intervals of one to five samples
     assert 0.003 * force < held.weights.W["mass"] / np.sqrt(0.03) < 0.1 * force
     assert held.weights.W["mass"] != pytest.approx(weighed.weights.W["mass"], rel=0.2)
+
+
+def test_settings_leave_out_no_check_of_what_was_recorded():
+    still = Recording(name="stuck", time=0.01 * np.arange(50.0), inputs={"F": np.ones(50)}, outputs={"x": np.full(50, 0.25)})
+    with pytest.raises(InputError, match="in all its samples"):
+        smooth(Problem(model=compiled(oscillator()), recordings=[still], parameters={"mass.m": Free(1.0)}), settings=Settings())

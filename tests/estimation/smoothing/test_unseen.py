@@ -89,6 +89,18 @@ def test_guesses_off_by_decades_are_brought_near_but_what_is_known_of_a_paramete
         assert start[i] == near.parameters[name].guess == pytest.approx(1e-3 * free[name].guess)
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e-2, 1e3])
+def test_one_inertia_that_is_known_does_not_hide_how_far_off_the_other_guesses_are(unit):
+    """Behind a shaft a thousand times too soft the known load swings so far that the forces look right."""
+    recording, _ = recorded(0)
+    free: dict[str, Free | float] = {name: Free(unit * true) for name, true in TRUE.items()}
+    posed = Problem(model=compile_model(soft_drive()), recordings=[recording], parameters=free | {"load.J": TRUE["load.J"]})
+    near, _ = of_the_right_size(posed, follow_closely(posed, output_stds(posed)[0], None), (), posed.values)
+    for name in free:
+        given = near.parameters[name]
+        assert (given.guess if isinstance(given, Free) else given) == pytest.approx(TRUE[name])
+
+
 def problem(factor: float) -> tuple[Problem, np.ndarray]:
     recording, load = recorded(4)
     free = {name: Free(value * factor) for name, value in TRUE.items()}

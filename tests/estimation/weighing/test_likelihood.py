@@ -15,7 +15,8 @@ from shaken import DEVIATION, DT, FORCE_STD, LINEAR, MEAN, PLANT, STD, TRUE, N, 
 from backsight.data.generators import five_bar
 from backsight.estimation import Free, Known, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
-from backsight.estimation.weighing.components import maximise, without
+from backsight.estimation.weighing import components
+from backsight.estimation.weighing.components import Component, Found, maximise, without
 from backsight.estimation.weighing.kkt import gauss_newton, sensitivity
 from backsight.estimation.weighing.likelihood import Likelihood
 from backsight.estimation.weighing.turned import Turned, turned
@@ -144,6 +145,28 @@ def test_a_force_that_is_said_to_be_far_too_small_is_found():
     right, best = (maximise(knobs, np.array([start, 0.0]), moving) for start in (0.0, -7.0))
     assert best.theta == pytest.approx(right.theta, abs=0.1 * right.std.min())
     assert without(knobs, best, 0) < 1e-6
+
+
+def test_where_the_solve_without_a_force_ends_on_no_minimum_nobody_knows_whether_it_may_be_none(monkeypatch):
+    _, knobs = posed(simulated(4))
+    here = at(knobs, np.zeros(2))
+    best = Found(theta=np.zeros(2), moving=np.ones(2, dtype=bool), likelihood=here, settled=True)
+    nowhere = Likelihood(replace(here.solution), here.rows)
+    vars(nowhere.solution)["curvature"] = None  # as at a saddle
+    monkeypatch.setattr(components, "_at", lambda *_: nowhere)
+    monkeypatch.setattr(components, "_step", lambda *_: pytest.fail("no step leads from there"))
+    p = without(knobs, best, 0)
+    assert np.isnan(p)
+    assert not Component(std=1.0, log_std=0.1, unit="N", p_zero=p).may_be_none
+    assert not maximise(knobs, np.zeros(2), np.ones(2, dtype=bool), nowhere).settled
+
+
+def test_a_search_without_a_force_that_does_not_settle_tells_no_p(monkeypatch):
+    _, knobs = posed(simulated(4))
+    best = maximise(knobs, np.zeros(2), np.ones(2, dtype=bool))
+    monkeypatch.setattr(components, "ROUNDS", 0)
+    assert best.arrived
+    assert np.isnan(without(knobs, best, 0))
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import warnings
@@ -12,7 +13,10 @@ import pytest
 from shaken import FORCE_STD, PLANT, STD, TRUE, driven, simulated
 
 from backsight.estimation import Free, Problem, Recording, Weighing, Weights, weigh
+from backsight.estimation.command.output import json_text
+from backsight.estimation.command.result_json import result_of_weighing
 from backsight.estimation.weighing.store import Store
+from backsight.estimation.weighing.words import words
 
 
 def problem(weights: Weights | None = None, stds: float | None = None) -> Problem:
@@ -55,6 +59,15 @@ def test_every_setting_is_there_and_the_likeliest_leads(found):
     assert np.all(np.diff([o.misfit["x"][0] for o in path]) < 0)  # more room for forces, less misfit
     assert np.all(np.diff([o.force["mass"][0] for o in path]) > 0)
     assert min(o.held_out for o in (path[0], path[-1])) < best.held_out - 10
+
+
+def test_of_a_force_whose_p_is_not_known_nothing_is_said_that_takes_it(found):
+    """Neither that its balance holds as it stands, nor that it is more than none; and result.json has null for it."""
+    component = replace(found.components["W of mass"], p_zero=float("nan"))
+    unknown = replace(found, components={**found.components, "W of mass": component}, forces={"mass": 1e6})
+    (said,) = (line for line in words(unknown) if line.startswith("mass: its balance"))
+    assert said.endswith("little, and whether more than none is not known.")
+    assert json.loads(json_text(result_of_weighing(unknown)))["recommended"]["W"]["mass"]["p_zero"] is None
 
 
 @pytest.mark.slow
