@@ -23,6 +23,7 @@ from ..holds import with_better_hold
 from ..problem import Problem
 from ..recordings.gaps import rates_note
 from ..results import Smoothing
+from ..validation.innovations import innovations, log_likelihood
 from .along import RIGID, exact_forces
 from .approach import TIGHTEST, approach
 from .beforehand import blamed, freed
@@ -162,47 +163,21 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         say=say,
         floor=floor,
         noise=LEAST_NOISE * shown_noise(problem),
+        apart=begin is None and bool(plain.free and unseen_states(plain)) and _to_the_end(settings),
     )
     followed = followed if begin is not None else lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}
-    if begin is None and settings.step is None and (set(force_std) - set(given) or any(open_outputs)):
-        rough = work.roughly(followed, stds, force_std, start)
-        if rough is not None:
-            followed, start, stds = followed_by(rough.solution), rough.solution.parameters, work.in_force(stds, rough)
-            force_std = _by_place(rough, rough.solution)
-            # guesses far too large make forces that are none
-            now = exact_forces(problem, followed, start)
-            work = replace(work, floor={k: min(std, now[k]) for k, std in floor.items()})
-    if begin is not None and not settings.weigh:  # the same problem but for the model: its evidence is to be compared
-        meshed = Meshed(horizons=list(followed.horizons), rigid=False, least_std={})
-    else:
-        meshed = work.meshed(followed, stds, force_std, start)
-    if meshed.rigid and set(given) == set(force_std):
-        force_std = {}
-    program = work.program(meshed.horizons, followed, force_std, start)
-    if begin is not None and begin.strange:
-        # a stiffness whose spring is not stretched yet tells nothing: trajectories first
-        led = program.held.solve(program.start, program.values, False, say).solved.decisions
-        program = replace(program, start=led) if np.all(np.isfinite(led)) else program
-    build = time.perf_counter() - began
-
-    choice, remeshed = work.chosen(program, meshed.least_std, stds), False
-    if settings.step is None and _moved(choice, force_std):
-        choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
-    checked = Checked(solution=choice.solution)
-    if settings.check_mesh:
-        checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=say)
-    if checked.solution is not choice.solution:
-        choice, stds = work.refined(choice, checked, stds, meshed.least_std)
-    last = ended(problem, choice.solution, say)
-    moved = Moved(solution=last)
-    if settings.marginal and settings.options.tolerance <= FINE:
-        moved = marginal(Program.at(problem, last), last, say)
-        choice, stds, moved = work.weighed_again(choice, moved, stds, meshed.least_std)
-        last = moved.solution
-    choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
-    run = Run(choice=choice, stds=stds, open_outputs=work.open_outputs, remeshed=remeshed, checked=checked, said=moved.said)
+    run, build = work.run(followed, stds, force_std, start, begin)
+    if work.apart and (UNMOVED in run.said or not run.choice.solution.solved.status.converged):
+        say("parameters together with the trajectories")
+        run, build = replace(work, apart=False).run(followed, stds, force_std, start, begin)
+    build -= began
     return outcome(asked, run, build=build, seconds=time.perf_counter() - began - build)
+
+
+def _to_the_end(settings: Settings) -> bool:
+    """Whether parameters are to be those of most marginal likelihood."""
+    return settings.marginal and settings.options.tolerance <= FINE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +186,9 @@ class _Work:
 
     parameters (np_all,): guesses, fixed values and widths; given: place -> std of W; open_outputs: per recording, whose noise nobody gave.
     floor: place -> std of a residual force so small that no machine's balance is as good; noise (H, ny): the same of the outputs, 0 where
-    nobody knows.
+    nobody knows. apart: whether parameters are held while trajectories and weights are sought. What acts on a body that no output shows
+    would be theirs together with a trajectory, and the weights with them: with parameters from the start of the way weights come out
+    right, and parameters of most marginal likelihood at these weights.
     """
 
     problem: Problem
@@ -223,6 +200,65 @@ class _Work:
     say: Callable[[str], None]
     floor: Mapping[int, float]
     noise: Array
+    apart: bool
+
+    def run(self, followed: Followed, stds: Stds, force_std: dict[int, float], start: Array, begin: Begun | None) -> tuple[Run, float]:
+        """All of it from these trajectories, weights and parameters; and when the first program was built [s of `time.perf_counter`]."""
+        work, settings = self, self.settings
+        if begin is None and settings.step is None and (set(force_std) - set(self.given) or any(self.open_outputs)):
+            rough = self.roughly(followed, stds, force_std, start)
+            if rough is not None:
+                followed, start, stds = followed_by(rough.solution), rough.solution.parameters, self.in_force(stds, rough)
+                force_std = _by_place(rough, rough.solution)
+                # guesses far too large make forces that are none
+                now = exact_forces(self.problem, followed, start)
+                work = replace(self, floor={k: min(std, now[k]) for k, std in self.floor.items()})
+        if begin is not None and not settings.weigh:  # the same problem but for the model: its evidence is to be compared
+            meshed = Meshed(horizons=list(followed.horizons), rigid=False, least_std={})
+        else:
+            meshed = work.meshed(followed, stds, force_std, start)
+        if meshed.rigid and set(self.given) == set(force_std):
+            force_std = {}
+        program = work.program(meshed.horizons, followed, force_std, start)
+        if begin is not None and begin.strange:
+            # a stiffness whose spring is not stretched yet tells nothing: trajectories first
+            led = program.held.solve(program.start, program.values, False, self.say).solved.decisions
+            program = replace(program, start=led) if np.all(np.isfinite(led)) else program
+        built = time.perf_counter()
+
+        choice, remeshed = work.chosen(program, meshed.least_std, stds), False
+        if settings.step is None and _moved(choice, force_std):
+            choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
+        checked = Checked(solution=choice.solution)
+        if settings.check_mesh:
+            checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=self.say)
+        if checked.solution is not choice.solution:
+            choice, stds = work.refined(choice, checked, stds, meshed.least_std)
+        moved = self.released(choice.solution) if self.apart else Moved(solution=ended(self.problem, choice.solution, self.say))
+        last = moved.solution
+        if _to_the_end(settings):
+            moved = moved if self.apart else marginal(Program.at(self.problem, last), last, self.say)
+            choice, stds, moved = work.weighed_again(choice, moved, stds, meshed.least_std)
+            last = moved.solution
+        choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
+        run = Run(choice=choice, stds=stds, open_outputs=self.open_outputs, remeshed=remeshed, checked=checked, said=moved.said)
+        return run, built
+
+    def released(self, solution: Solution) -> Moved:
+        """Parameters of most marginal likelihood at the weights of a solution in which they were held.
+
+        By way of those most probable together with a trajectory, unless that ends where the samples are less likely than here: then these
+        are in another valley.
+        """
+        program, here = Program.at(self.problem, solution), _log_likelihood(solution)
+        together = program.solve(program.start, program.values, True, self.say)
+        if together.solved.status.converged:
+            moved = marginal(Program.at(self.problem, together), together, self.say)
+            if UNMOVED not in moved.said and _log_likelihood(moved.solution) > here:
+                return moved
+        held = released(solution, ())
+        moved = marginal(program, held, self.say)
+        return moved if UNMOVED in moved.said else replace(moved, said=())  # they were at no mode before
 
     def meshed(self, followed: Followed, stds: Stds, force_std: dict[int, float], parameters: Array) -> Meshed:
         """Meshes for these weights."""
@@ -238,6 +274,7 @@ class _Work:
 
     def chosen(self, program: Program, least_std: Mapping[int, float], stds: Stds, full: bool = True) -> Choice:
         """The program solved, with weights from the data where nobody gave them; full: to the full tolerance at last."""
+        program = program.held if self.apart else program
         return choose_weights(
             lambda decisions, values, newton: program.solve(decisions, values, newton and full, self.say),
             program.start,
@@ -327,10 +364,18 @@ class _Work:
         if solution is choice.solution:
             horizons = _rated(horizons, choice)
         program = self.from_there(choice, solution, horizons, degree)
+        program = program.held if self.apart else program
         found = program.solve(program.start, program.values, False, self.say)
         if program.losses is None:
             return found, lambda: found
         return found, lambda: program.solve(found.solved.decisions, program.values, True, self.say)
+
+
+def _log_likelihood(solution: Solution) -> float:
+    """Of the samples with these parameters, trajectories integrated out, but for a constant; -inf where nobody can tell."""
+    n, size = solution.transcription.nlp.trajectory_size, solution.transcription.nlp.size
+    found = innovations(replace(solution, solved=replace(solution.solved, on_bound=(*solution.solved.on_bound, *range(n, size)))))
+    return -np.inf if found is None else log_likelihood(found)
 
 
 def _by_place(choice: Choice, solution: Solution) -> dict[int, float]:

@@ -101,6 +101,27 @@ def test_one_inertia_that_is_known_does_not_hide_how_far_off_the_other_guesses_a
         assert (given.guess if isinstance(given, Free) else given) == pytest.approx(TRUE[name])
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_load_that_its_own_noise_moves_as_much_as_the_shaft_does_is_told_from_that(seed):
+    """The most probable parameters together with a trajectory are in another valley, where the load is twice as large."""
+    true = {"motor.J": 2.16e-3, "load.J": 7.15e-3, "shaft.k": 1.724, "shaft.d": 0.0203, "bearing.d": 0.0254, "brake.d": 0.0437}
+    rng, n, total = np.random.default_rng([8, seed]), 3000, 9.3e-3
+    t = STEP * np.arange(n)
+    swept = np.sin(2 * np.pi * (0.3 * t + 1.5 * 5.1 / t[-1] * t**2 / 2))
+    torque = total * (30.0 * np.repeat(rng.normal(size=n // 20), 20) + 40.0 * swept)
+    recording, _ = moved(t, torque, true, 2e-5, rng, servo=(30.0 * total, 5.0 * total), disturbed=(4.2e-4, 8.8e-3))
+    model = soft_drive().insert("motor", RotationalDamper(), name="brake")
+    free = {name: Free(value * 3.0 ** rng.choice([-1, 1])) for name, value in true.items()}
+    s = smooth(Problem(model=model, recordings=[recording], parameters=free))
+    assert s.solver.converged
+    for name, value in true.items():
+        p = s.parameters[name]
+        assert p.std is not None
+        assert abs(p.value - value) < 4 * p.std, name
+    assert s.weights.W["load"] == pytest.approx(8.8e-3, rel=0.25)
+
+
 def problem(factor: float) -> tuple[Problem, np.ndarray]:
     recording, load = recorded(4)
     free = {name: Free(value * factor) for name, value in TRUE.items()}
