@@ -170,9 +170,9 @@ class _Called(ca.Callback):
 
     def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
         """Called by CasADi."""
-        if self._oracle.interrupted or self._oracle.failed is not None:
-            return 1
         try:
+            if self._oracle.interrupted or self._oracle.failed is not None:
+                return 1
             given = [np.frombuffer(a, dtype=np.float64) if len(a) else np.empty(0) for a in arg]
             for out, found in zip(res, self._numbers(*given), strict=True):
                 if out is not None and len(out):

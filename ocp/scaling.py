@@ -35,7 +35,7 @@ def scaled(solver: Solver, decisions: Array, values: Values) -> Values:
 
 def _units(solver: Solver, decisions: Array, values: Values) -> Array:
     nlp = solver.nlp
-    diagonal = solver.weights(decisions, values)
+    diagonal = solver.weights(decisions, replace(values, unit=np.ones_like(values.unit)))  # whatever units there were
     n, local = nlp.trajectory_size, nlp.interpolation.local
     unit = np.zeros(nlp.size)
     # the last knot of a horizon is seen as the right end of an interval only; any other place is overwritten by its left end

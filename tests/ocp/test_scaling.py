@@ -54,6 +54,16 @@ def test_cost_and_rows_do_not_depend_on_the_units(method):
     assert cost[0] == pytest.approx(cost[1], rel=1e-12)
 
 
+@pytest.mark.parametrize("method", ["spline", "collocation"])
+def test_units_that_are_there_already_change_nothing(method):
+    t, solver = program(method, 2)
+    x = np.random.default_rng(1).normal(size=t.nlp.size)
+    x[-1] = 2.0
+    once = scaled(solver, x, t.nlp.values(PARAMETERS))
+    again = scaled(solver, x, once)
+    assert again.unit == pytest.approx(once.unit, rel=1e-12)
+
+
 def test_rows_of_the_constraints_jacobian_are_of_order_one():
     t, solver = program("collocation", 2)
     x = np.random.default_rng(1).normal(size=t.nlp.size)
