@@ -197,6 +197,7 @@ def test_a_signal_while_ipopt_works_interrupts_the_solve_wherever_it_comes():
     x[-1] = 1.0
     wide = np.full(t.nlp.size, np.inf)
     late = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background of a shell it is ignored
     late.start()
     try:
         solved = solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide)
@@ -204,6 +205,7 @@ def test_a_signal_while_ipopt_works_interrupts_the_solve_wherever_it_comes():
         return  # it came between two calls
     finally:
         late.join()
+        signal.signal(signal.SIGINT, before)
     assert solved.status is Status.INTERRUPTED
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
