@@ -205,9 +205,9 @@ def test_a_signal_while_ipopt_works_interrupts_the_solve_wherever_it_comes():
         return  # it came between two calls
     finally:
         late.join()
-        signal.signal(signal.SIGINT, before)
+        after = signal.signal(signal.SIGINT, before)
     assert solved.status is Status.INTERRUPTED
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert after is signal.default_int_handler
 
 
 def test_an_error_inside_a_function_that_ipopt_calls_is_raised_and_no_status(monkeypatch):
