@@ -34,6 +34,7 @@ from .proof import prove
 from .refit import HELD, QUICKLY, evidence
 from .search import Progress, Search
 from .verdict import Diagnosis
+from .words import CONTRADICTED
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
 PATIENT = Options(
@@ -109,7 +110,7 @@ def diagnose(
         except (SolveError, InputError) as error:
             notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
-        notes.append("What was held out contradicts the repair: it fits the one recording and mispredicts the other.")
+        notes.append(CONTRADICTED)
         verdict = verdict if verdict == "unknown_physics" else "undecided"
     return Diagnosis(
         verdict=verdict,

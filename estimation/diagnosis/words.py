@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from ..wording import listed
 from .verdict import Diagnosis, Explanation, Finding, HeldOut, Strength
 
+CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 

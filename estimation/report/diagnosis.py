@@ -12,7 +12,7 @@ import numpy as np
 
 from backsight.models import Model
 
-from ..diagnosis.words import numbers, sentence, when, with_deviation
+from ..diagnosis.words import CONTRADICTED, numbers, sentence, when, with_deviation
 from .answer import code, joined
 from .diagnosis_figures import held_out_charts, mismatch_chart, mismatch_scatter, window_chart
 from .document import document, drawn, save
@@ -64,7 +64,7 @@ def _doubts(found: Diagnosis) -> str:
     if found.findings and held is None:
         said.append("Nothing was held out: the repair is not proven on other data.")
     elif held is not None and held.refuting:
-        said.append("What was held out contradicts the repair: it fits the one recording and mispredicts the other.")
+        said.append(CONTRADICTED)
     elif found.findings and held is not None and not held.p_value < 0.05:
         said.append(f"What was held out does not confirm the repair (p = {number(held.p_value, 2)}).")
     items = "".join(f"<li>{s}</li>" for s in said)

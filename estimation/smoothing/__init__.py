@@ -1,6 +1,6 @@
 """Whole-horizon smoothing, from recordings to estimates.
 
-smoother.py                     the whole way
+smoother.py, work.py            the whole way: what it starts from; meshes, weights and parameters in turn
 horizons.py                     recordings as arrays in the model's order
 approach.py                     from guesses far off to where a solve starts, from loose to tight balances
 initial_guess.py, unseen.py     trajectories that follow the samples; what no output shows

@@ -94,7 +94,7 @@ class KnownForces:
 
     def _at(self, parameters: Array) -> tuple[Array, Array]:
         """F(p) and F(0) between all samples of all recordings, (balances, M)."""
-        driven, parts = Driven(self.problem.dae, dict(self.rows)), []
+        driven, parts = self._driven, []
         for number in range(len(self.followed.horizons)):
             run = driven.run(self.followed, number, parameters)
             along = driven.filled(driven.along(self.followed, number, run.times), run.state, run.rate)
@@ -102,6 +102,10 @@ class KnownForces:
             parts.append([np.asarray(a, dtype=np.float64) for a in self._function.map(len(run.times))(*along, p)])
         whole, known = (np.concatenate(a, axis=1) for a in zip(*parts, strict=True))
         return whole, known
+
+    @cached_property
+    def _driven(self) -> Driven:
+        return Driven(self.problem.dae, dict(self.rows))
 
     @cached_property
     def _function(self) -> Any:

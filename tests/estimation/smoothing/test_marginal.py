@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from studies import coverage
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.smoothing import smoother
+from backsight.estimation.smoothing import work
 from backsight.estimation.smoothing.marginal import UNMOVED, WORTH, Moved, at, intervals_apart
 from backsight.estimation.smoothing.profile import profile
 from backsight.estimation.smoothing.program import Settings
@@ -225,13 +225,13 @@ def test_of_hubers_loss_the_cost_has_no_slope_at_its_own_optimum_whatever_the_pr
 
 def test_steps_that_lead_nowhere_at_the_weights_in_force_are_told(monkeypatch):
     _, u, y = run(2000, 3)
-    steps, calls = smoother.marginal, list[Moved]()
+    steps, calls = work.marginal, list[Moved]()
 
     def failing(*arguments) -> Moved:
         calls.append(steps(*arguments) if not calls else Moved(solution=arguments[1], said=(UNMOVED,)))
         return calls[-1]
 
-    monkeypatch.setattr(smoother, "marginal", failing)
+    monkeypatch.setattr(work, "marginal", failing)
     result = smoothed(u, y, weights=Weights())
     assert len(calls) > 1
     assert UNMOVED in result.notes

@@ -10,7 +10,7 @@ import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.smoothing import mesh_error, smoother
+from backsight.estimation.smoothing import mesh_error, smoother, work
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solved, Solver, Status, transcribe
 
@@ -111,7 +111,7 @@ def test_a_first_weight_far_too_small_gets_a_second_mesh_and_does_no_harm(monkey
     assert not any("chosen anew" in note for note in usual.notes)
     first = smoother.approach
     monkeypatch.setattr(smoother, "approach", lambda *a: replace(first(*a), force_std={0: 1e-3}))
-    monkeypatch.setattr(smoother._Work, "roughly", lambda *_: None)
+    monkeypatch.setattr(work.Work, "roughly", lambda *_: None)
     s = fitted(recording, None)
     assert any("the mesh was chosen anew" in note for note in s.notes)
     assert s.solver.variables > 0.7 * usual.solver.variables
@@ -123,7 +123,7 @@ def test_a_first_weight_far_too_small_gets_a_second_mesh_and_does_no_harm(monkey
 def test_the_noise_that_is_told_is_the_one_in_force_however_often_the_mesh_was_made_finer(monkeypatch):
     monkeypatch.setattr(mesh_error, "UNRESOLVED", 0.0)
     monkeypatch.setattr(mesh_error, "LEFT", 0.0)  # every halving is solved to the end
-    monkeypatch.setattr(smoother._Work, "roughly", lambda *_: None)  # so that the last factor is far from one
+    monkeypatch.setattr(work.Work, "roughly", lambda *_: None)  # so that the last factor is far from one
     rng, n = np.random.default_rng(0), 300
     time, u = 0.01 * np.arange(n), 20 * np.repeat(rng.normal(size=n // 10 + 1), 10)[:n]
     y = truths.disturbed(PLANT, time, u, np.array([0.02, -0.1]), 0.1, rng)[:, 0] + 1e-3 * rng.normal(size=n)
