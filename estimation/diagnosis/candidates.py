@@ -175,6 +175,12 @@ class Candidate:
         """Place of its family in the order of explanations."""
         return ORDER.index(self.family) if self.family in ORDER else len(ORDER)
 
+    def replaces(self, other: Candidate) -> bool:
+        """Whether nothing is left of another one where this one is: its component is exchanged, or all its strengths are taken over."""
+        components = {path.partition(".")[0] for path in other.named.values()}
+        own = set(other.strengths or other.named.values())
+        return bool(components & set(self.exchanged)) or bool(own) and own <= set(self.absorbs)
+
     @property
     def size(self) -> int:
         """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""

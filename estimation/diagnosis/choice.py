@@ -26,6 +26,7 @@ RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 SURELY = 2  # and the best of them for what their gains are worth
 WORTH, WORTH_ELSEWHERE = 0.5, 0.2  # of the best one's gain, at least
+SHORT = 0.5  # of the gain by the score: a fit that brings less has not borne it out
 MUCH_LESS = 1.5  # times the worth of a fit: another one that is worth as much is better than just as good
 SPREAD, SPREAD_OF_COUPLINGS = 0.3, 0.5  # standard deviation of a strength over the largest one; of a coupling its evidence tells more
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
@@ -61,6 +62,23 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
         if simple is not None and simple not in best:
             best.append(simple)
     return best
+
+
+def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]], now: float) -> list[Screened]:
+    """The best candidate that a simpler one stood for, at every place where that one's fit fell short of its score.
+
+    now: evidence without any. Scores go by straight lines: laws that are alike along a trajectory astray are not where it comes to rest.
+    """
+    out, fitted = list[Screened](), {c.key for c, _, _ in fits}
+    for c, s, f in fits:
+        if s is None or f.evidence - now > SHORT * s.gain:
+            continue
+        there = [o for o in found.found if o.candidate.place == c.place and o.candidate.size > c.size and o.candidate.key not in fitted]
+        good = (o for o in there if o.gain >= WORTH * s.gain and found.chance(o.gain) <= SURE and not beyond(o) and matters(o, sizes))
+        if (best := next(good, None)) is not None:
+            out.append(best)
+            fitted.add(best.candidate.key)
+    return out
 
 
 def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:

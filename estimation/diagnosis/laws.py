@@ -113,7 +113,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         make=_component("StribeckFriction", "RotationalStribeckFriction"),
         strengths=("f_c", "f_s"),
         shapes=lambda m: {"v_s": _velocities(m)},
-        absorbs={"f_c": "f_c"},
+        absorbs={"f_c": "f_c f_s"},
         larger=("f_s", "f_c"),
     ),
     Law(
@@ -214,6 +214,9 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
     absorbed = {}
     for word, instead in law.absorbs.items():
         for base in (*there.get(word, ()), *there.get(TURNED.get(word, ""), ())):
+            owner, _, parameter = base.rpartition(".")
+            if model.components[owner].declared_parameters[parameter].min > 0:
+                continue  # a law that cannot be nothing stays
             absorbed[base] = " ".join(f"{name}.{own.get(w, w)}" for w in instead.split())
     shapes = {f"{name}.{own.get(word, word)}": grid for word, grid in law.shapes(motion).items()}
     declared = component.declared_parameters

@@ -51,7 +51,7 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
     """The candidate at a body that has a friction level. values: of the model's parameters."""
     slides = spot.kind == "translational"
     word, rate = ("f_c", "v") if slides else ("tau_c", "omega")
-    levels = [path for path in at_hand(model, spot, (word,)).get(word, ()) if values.get(path, 0.0) > 0]
+    levels = [path for path in at_hand(model, spot, (word,)).get(word, ()) if values.get(path, 0.0) > 0 and _alone(model, path)]
     if len(levels) != 1 or not motion.span > 0:
         return []
     (base,) = levels
@@ -83,3 +83,10 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
             signals=signals,
         )
     ]
+
+
+def _alone(model: Model, path: str) -> bool:
+    """Whether a level is all of its law, and not what remains of one that is higher at rest, or of bent asperities themselves."""
+    owner, _, word = path.rpartition(".")
+    declared = model.components[owner].declared_parameters
+    return declared[word].min <= 0 and not {"f_s", "tau_s"} & set(declared)

@@ -29,12 +29,14 @@ from backsight.ocp.nlp import Values
 from backsight.ocp.pointwise import COMMON
 from backsight.ocp.terms import Term
 
+from ..smoothing.rest import near_rest
 from ..weighing.kkt import Kkt, gauss_newton
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 SAME = 1e-5  # of a row: more is another model
+FREE = 1e3  # times the room near rest: what happens there tells nothing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,6 +96,37 @@ class Linearised:
         moved = self._kkt.solved(np.concatenate([self._kkt.free[:, None] * (self._J.T @ columns.squares), columns.multiplied]))
         unknowns = len(self._kkt.free)
         return np.concatenate([columns.squares - self._J @ moved[:unknowns], -(self._softness[:, None] ** 0.5) * moved[unknowns:]])
+
+    @cached_property
+    def moving(self) -> Linearised:
+        """The same with residual forces that are free near rest (`smoothing/rest.py`).
+
+        A rounded sign creeps where a body stands still, and has a law of every kind made better by what holds that back: what acts on a
+        machine that moves must be seen while it does.
+        """
+        s, t = self.solution, self.solution.transcription
+        return Linearised(replace(s, values=t.with_force_std(s.values, self._freed)))
+
+    def while_moving(self, columns: Columns) -> Columns:
+        """Derivatives of these rows as `moving` has them."""
+        t = self.solution.transcription
+        factors = [np.ones(0)]
+        for term in t.nlp.terms:
+            if term.equality or term.heavy:
+                of_forces = np.tile(self._freed, (term.target.shape[0] // max(len(t.soft), 1), 1)) if term.name == t.force_term else None
+                factors.append(np.ones(term.target.size) if of_forces is None else 1.0 / of_forces.T.ravel())
+        factor = np.concatenate(factors) * self.sizes / self.moving.sizes
+        return Columns(squares=columns.squares, multiplied=columns.multiplied * factor[:, None])
+
+    @cached_property
+    def rests(self) -> bool:
+        """Whether there is anything near rest."""
+        return bool(np.any(self._freed > 1.0))
+
+    @cached_property
+    def _freed(self) -> Array:
+        """Factors on the residual forces' deviations, (n_soft, N)."""
+        return np.where(near_rest(self.solution.transcription.force_std_at(self.solution.values)), FREE, 1.0)
 
     @cached_property
     def left(self) -> Array:

@@ -39,6 +39,7 @@ BATCH = 256  # columns at a time
 SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
 PLAINLY, PART = 10.0, 0.02  # nats, and share of its gain, by which an effect has to gain more by setting in
+HOLD_AT_REST = ("friction", "transmission")  # families of what is seen where a body rests
 PARTS = 25  # of the recordings, long enough that what is left over in one tells little of the next
 
 
@@ -102,8 +103,9 @@ class Screen:
 def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = ()) -> Screen:
     """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
-    for batch in _batches(chain(told(base, looks), late)):
-        scores, first = base.scores(Columns.joined([look.columns for look in batch])), 0
+    for batch, at_rest in _batches(chain(told(base, looks), late)):
+        joined, first = Columns.joined([look.columns for look in batch]), 0
+        scores = base.scores(joined) if at_rest or not base.rests else base.moving.scores(base.while_moving(joined))
         for look in batch:
             at = np.arange(first, first + len(look.columns))
             first += len(look.columns)
@@ -162,11 +164,13 @@ def plainly(late: float, whole: float) -> bool:
 def _inflated(base: Linearised, found: list[Screened]) -> list[Screened]:
     """With the inflation of their scores."""
     of, inflated = {id(s.look): s for s in found}, list[Screened]()
-    for batch in _batches([s.look for s in found]):
-        effects, first = base.effects(Columns.joined([look.columns for look in batch])), 0
+    for batch, at_rest in _batches([s.look for s in found]):
+        joined, first = Columns.joined([look.columns for look in batch]), 0
+        there = base if at_rest or not base.rests else base.moving
+        effects = there.effects(joined if there is base else base.while_moving(joined))
         for look in batch:
             s, last = of[id(look)], first + len(look.columns)
-            inflated.append(replace(s, inflation=inflation(effects[:, first:last] @ s.estimate, base.left, base.intervals)))
+            inflated.append(replace(s, inflation=inflation(effects[:, first:last] @ s.estimate, there.left, there.intervals)))
             first = last
     return inflated
 
@@ -181,16 +185,17 @@ def inflation(effect: Array, left: Array, intervals: Index) -> float:
     return max(1.0, float(sums @ sums) / size)
 
 
-def _batches(looks: Iterable[Look]) -> Iterator[list[Look]]:
-    batch, size = list[Look](), 0
+def _batches(looks: Iterable[Look]) -> Iterator[tuple[list[Look], bool]]:
+    """Some at a time, and whether what they look at acts on bodies at rest, too."""
+    open_ones = {True: list[Look](), False: list[Look]()}
     for look in looks:
-        if size + len(look.columns) > BATCH and batch:
-            yield batch
-            batch, size = [], 0
+        at_rest = look.candidate.family in HOLD_AT_REST
+        batch = open_ones[at_rest]
+        if batch and sum(len(one.columns) for one in batch) + len(look.columns) > BATCH:
+            yield batch, at_rest
+            batch = open_ones[at_rest] = []
         batch.append(look)
-        size += len(look.columns)
-    if batch:
-        yield batch
+    yield from ((batch, at_rest) for at_rest, batch in open_ones.items() if batch)
 
 
 def _adjusted(s: Screened) -> float:

@@ -23,7 +23,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..workers import as_finished
 from .candidates import Candidate
-from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, slight, sound, steady
+from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, slight, sound, steady, stood_for
 from .elimination import Bare
 from .held import rescaled
 from .keep import Keep
@@ -228,6 +228,7 @@ class Search:
             rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
             worth += held_unseen(found, worth, hidden(self.problem) - rests)
         fits = self._fits([(s.candidate, s) for s in worth])
+        fits += self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits, now))])
         most = max(sizes.left.values(), default=0.0)
         if not self._explains(fits, now) and (most > FLOOR or (self.settings.weigh and coloured(self.result))):
             fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
@@ -346,8 +347,7 @@ class Search:
             ]
         began = c.onset if s is None else onset(base, s)
         share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
-        gone = {name.partition(".")[0] for name in c.absorbs} | set(c.exchanged)
-        stay = [not {path.partition(".")[0] for path in old.named.values()} & gone for old in self.accepted]
+        stay = [not c.replaces(old) for old in self.accepted]
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [old for old, there in zip(self.findings, stay, strict=True) if there]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]

@@ -18,6 +18,7 @@ Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 ORDERS = range(2, 7)
 FEWEST = 8  # differences from which a deviation can be told
 CONVERTER = 2.0**-20 / 12**0.5  # of the range: the rounding of 20 bits of it, about what the best converters tell from noise
+DUST = 1e-14  # of the largest value: what unit conversion and differences of equal values leave
 STILL = 0.3  # share of differences that are zero from which on their median tells nothing
 ALTERNATING = 0.75  # of the changes of sign that white noise has; half of them are left where half of the deviation is a smooth signal's
 
@@ -68,9 +69,10 @@ def _of_order(order: int, t: Array, y: Array) -> tuple[float, bool]:
     """The deviation that differences of this order show, and whether they alternate like those of white noise."""
     d = _differences(order, t, y)
     rms, robust = float(np.sqrt(np.mean(d**2))), float(np.median(np.abs(d))) / 0.6745
-    changes = float(np.mean(d[1:] * d[:-1] < 0.0))
+    still = np.abs(d) <= DUST * float(np.max(np.abs(y)))
+    changes = float(np.mean((d[1:] * d[:-1] < 0.0) & ~(still[1:] | still[:-1])))
     white = np.arccos(-order / (order + 1.0)) / np.pi
-    return robust if np.mean(d == 0.0) < STILL else rms, changes > ALTERNATING * white
+    return robust if np.mean(still) < STILL else rms, changes > ALTERNATING * white
 
 
 def _differences(order: int, t: Array, y: Array) -> Array:
@@ -88,6 +90,7 @@ def _differences(order: int, t: Array, y: Array) -> Array:
 def _step(y: Array) -> float:
     """The least significant step of a quantised signal; 0 when the values are not on a grid."""
     values = np.unique(y)
+    values = values[np.append(True, np.diff(values) > DUST * float(np.max(np.abs(y), initial=0.0)))]
     if values.size < 3 or values.size > 0.5 * y.size:
         return 0.0
     return float(np.diff(values).min())

@@ -7,7 +7,7 @@ variable of which the old model knows nothing begins at its start value, and the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -21,6 +21,7 @@ from backsight.ocp.passing import passing_through
 
 from ..problem import Free, Problem
 from .along import along
+from .rest import strengths_at_rest
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -29,18 +30,24 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Begun:
     """Trajectories of a problem, and place -> std of its residual force, away from rest; its parameters.
 
-    strange: they come from another model.
+    strange: they come from another model. at_rest: place -> strength of the laws that its residual force has room for near rest.
     """
 
     followed: Followed
     force_std: dict[str, float]
     parameters: dict[str, float]
     strange: bool = False
+    at_rest: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def at(cls, solution: Solution) -> Begun:
         """A solution of the same problem."""
-        return cls(followed=followed_by(solution), force_std=force_stds(solution), parameters=_parameters(solution))
+        return cls(
+            followed=followed_by(solution),
+            force_std=force_stds(solution),
+            parameters=_parameters(solution),
+            at_rest=strengths_at_rest(solution),
+        )
 
     @classmethod
     def of(cls, solution: Solution, problem: Problem) -> Begun | None:
@@ -73,7 +80,7 @@ class Begun:
         nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
         program = transcribe(dae, horizons, free=(), prior=nothing, force_std={}, method=t.method, degree=t.degree)
         going = Followed(transcription=program, horizons=horizons, decisions=passing_through(program, curve))
-        return cls(followed=going, force_std=force_stds(solution), parameters=_parameters(solution), strange=True)
+        return replace(cls.at(solution), followed=going, strange=True)
 
     def start(self, problem: Problem) -> Array:
         """Where parameters start (np_all,): at their guesses, but for what a std holds about its guess, which starts where it was."""

@@ -45,6 +45,8 @@ def notes(
     return (
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
+        *_on_dead_inputs(problem),
+        *_on_ranges(problem),
         *_on_the_start(problem.plain, run),
         *_on_forces(problem, run),
         *supposed_notes(problem),
@@ -70,6 +72,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
     return (
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
+        *_on_dead_inputs(problem),
         *outlier_notes(problem, solution, {}),
         *on_explaining(problem.posed, run, residuals),
         *_on_the_start(problem.plain, run),
@@ -81,6 +84,29 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
 def _on_rates(problem: Problem) -> list[str]:
     note = rates_note([r for r in problem.recordings if r.role == "fit"])
     return [] if note is None else [note]
+
+
+def _on_dead_inputs(problem: Problem) -> list[str]:
+    """Inputs that are nothing in every row that is fitted: a channel that was not plugged in, or a machine left to itself."""
+    those = [r for r in problem.recordings if r.role == "fit"]
+    dead = [q.name for q in problem.dae.inputs if all(q.name in r.inputs and not np.any(r.inputs[q.name]) for r in those)]
+    if not dead:
+        return []
+    what = f"Input {dead[0]} is" if len(dead) == 1 else f"Inputs {listed(dead)} are"
+    return [f"{what} 0 in every row: only what the machine does by itself tells of it. Is that so, or was a channel dead?"]
+
+
+def _on_ranges(problem: Problem) -> list[str]:
+    """Bounds that a user gave beyond those that a parameter has by its nature, and so do not hold."""
+    found = []
+    for info in problem.dae.parameters:
+        given = problem.parameters.get(info.name)
+        if not isinstance(given, Free):
+            continue
+        for word, asked, own in (("min", given.min, info.minimum), ("max", given.max, info.maximum)):
+            if np.isfinite(asked) and (asked < own if word == "min" else asked > own):
+                found.append(f"{info.name}: {word} = {asked:g} is beyond its physical {own:g} {info.unit}, which holds.")
+    return found
 
 
 def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
@@ -119,7 +145,10 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
             f = r.follows
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
         elif r.whiteness_p is not None and r.whiteness_p < DOUBT and place not in silent:
-            found.append(f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there.")
+            found.append(
+                f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there. Stated deviations take it "
+                "for white and may be too small; give its W a tau."
+            )
     return found
 
 

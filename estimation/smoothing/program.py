@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from backsight.models.errors import InputError, suggestion
 from backsight.ocp import Horizon, Options, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
 from backsight.ocp.follow import Followed
 from backsight.ocp.ipopt import FINE
@@ -16,6 +17,7 @@ from backsight.ocp.nlp import Values
 from backsight.ocp.readout import read
 from backsight.ocp.scaling import scaled
 
+from ..arguments import check_number
 from ..problem import Free, Problem
 from ..supposed import input_spread
 from .initial_guess import start_decisions
@@ -24,6 +26,8 @@ from .rest import FrictionLaw, open_at_rest, with_room
 from .robust import Losses, RobustSolution, solve_robustly
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+METHODS = ("auto", "spline", "collocation")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +53,20 @@ class Settings:
     marginal: bool = True
     seconds: float = math.inf
     options: Options = field(default_factory=Options)
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(f"Settings(method={self.method!r}): {suggestion(str(self.method), METHODS)}")
+        for name, least in (("degree", 1), ("step", 0.0), ("finest", 0.0), ("seconds", 0.0)):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            check_number(value, f"Settings: {name}")
+            if not (value >= least if name == "degree" else value > least):
+                raise InputError(f"Settings({name}={value!r}): it must be {'at least 1' if name == 'degree' else 'more than 0'}.")
+        for name in ("check_mesh", "hasty", "weigh", "marginal"):
+            if not isinstance(value := getattr(self, name), bool):
+                raise InputError(f"Settings({name}={value!r}): it must be True or False.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,13 +168,15 @@ def make_program(
     force_std: dict[int, float],
     parameters: Array,
     start: Array,
+    strengths: Mapping[int, float] | None = None,
 ) -> Program:
     """The program over these horizons, started on the followed trajectories.
 
     parameters (np_all,): what the free ones are measured from, and the values of the others; start (np_all,): where the free ones start.
+    strengths: place -> of the laws that its residual force has room for near rest, where these are not to be the model's own.
     """
-    transcription = _transcribe(problem, horizons, force_std, settings)
-    return _numbered(problem, transcription, Solver(transcription.nlp, settings.options), followed, laws, force_std, parameters, start)
+    t = _transcribe(problem, horizons, force_std, settings)
+    return _numbered(problem, t, Solver(t.nlp, settings.options), followed, laws, force_std, parameters, start, strengths=strengths)
 
 
 def renewed(
@@ -186,11 +206,12 @@ def _numbered(
     parameters: Array,
     start: Array,
     room: Array | None = None,
+    strengths: Mapping[int, float] | None = None,
 ) -> Program:
     first = start_decisions(transcription, followed, start)
     values = _with_prior(problem, transcription, _with_fine_input(transcription, first, start, transcription.nlp.values(parameters)))
     knots = [h.mesh.knots for h in transcription.horizons]
-    at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start)
+    at_rest = open_at_rest(problem, laws, followed, knots, transcription.soft, start, strengths)
     at_rest = at_rest if room is None else np.maximum(at_rest, room)
     std, made = np.array([force_std[k] for k in transcription.soft]), transcription.force_std
     values = transcription.with_force_std(values, with_room(std, at_rest) / made[:, None] * input_spread(problem, transcription))

@@ -7,7 +7,7 @@ room in these intervals, as much as the law is strong, and what happens there te
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -121,7 +121,13 @@ def _velocity(problem: Problem, law: FrictionLaw, followed: Followed, parameters
 
 
 def open_at_rest(
-    problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, knots: list[Array], soft: tuple[int, ...], parameters: Array
+    problem: Problem,
+    laws: tuple[FrictionLaw, ...],
+    followed: Followed,
+    knots: list[Array],
+    soft: tuple[int, ...],
+    parameters: Array,
+    known: Mapping[int, float] | None = None,
 ) -> Array:
     """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
 
@@ -129,8 +135,10 @@ def open_at_rest(
     interval is near rest when the velocity of a law falls below its own change over the interval, or below NEAR widths; and from there on
     as long as it cannot be told from zero: while a body stands still, its estimated velocity is noise, of which the law would make
     forces of either sign.
+
+    known: place -> strength of its laws together, where that is not to be theirs (`strengths_at_rest`).
     """
-    strengths = [_strengths(problem, law, followed, parameters) for law in laws]
+    strengths = _together(laws, [_strengths(problem, law, followed, parameters) for law in laws], known or {})
     parts = []
     for number, own in enumerate(knots):
         part = np.zeros((len(soft), len(own) - 1))
@@ -147,6 +155,34 @@ def open_at_rest(
                     part[soft.index(place), near] += max(f, TINY) * np.sqrt(np.diff(own))[near]
         parts.append(part)
     return np.hstack(parts)
+
+
+def _together(laws: tuple[FrictionLaw, ...], strengths: list[list[float]], known: Mapping[int, float]) -> list[list[float]]:
+    """Strengths with a sum at every place that is what is known of it."""
+    whole, count = dict[int, float](), dict[int, int]()
+    for law, own in zip(laws, strengths, strict=True):
+        for place, f in zip(law.places, own, strict=True):
+            whole[place], count[place] = whole.get(place, 0.0) + f, count.get(place, 0) + 1
+
+    def scaled(place: int, f: float) -> float:
+        if place not in known:
+            return f
+        return f * known[place] / whole[place] if whole[place] > 0 else known[place] / count[place]
+
+    return [[scaled(place, f) for place, f in zip(law.places, own, strict=True)] for law, own in zip(laws, strengths, strict=True)]
+
+
+def strengths_at_rest(solution: Solution) -> dict[str, float]:
+    """Place -> strength for which a solution has room near rest, where it has any.
+
+    Models of one place are compared with the same room there: with less, because something else took a part of a law's strength, every
+    interval at rest would count for evidence, of which nobody knows anything.
+    """
+    t = solution.transcription
+    std = t.force_std_at(solution.values)
+    beyond = np.sqrt(np.maximum(std**2 - std.min(axis=1, keepdims=True, initial=np.inf) ** 2, 0.0) / t.nlp.steps) * near_rest(std)
+    found = zip(t.soft, beyond.max(axis=1, initial=0.0).tolist(), strict=True)
+    return {t.dae.places[k].name: strength for k, strength in found if strength > 0}
 
 
 def _velocity_std(problem: Problem, law: FrictionLaw, followed: Followed, number: int, times: Array, parameters: Array) -> Array:

@@ -126,6 +126,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy() if begin is None else begin.start(problem), dict[int, float]()
+    strengths = {} if begin is None else {k: begin.at_rest[p.name] for k, p in enumerate(problem.dae.places) if p.name in begin.at_rest}
     if begin is not None:
         exact = exact_forces(problem, followed, start)
         # a place that only this model has gets the share of its forces that an approach ends with
@@ -154,6 +155,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         floor=floor,
         noise=LEAST_NOISE * shown_noise(problem),
         apart=begin is None and bool(plain.free and unseen_states(plain)) and to_the_end(settings),
+        strengths=strengths,
     )
     followed = followed if begin is not None else lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}

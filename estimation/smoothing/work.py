@@ -48,7 +48,8 @@ class Work:
     floor: place -> std of a residual force so small that no machine's balance is as good; noise (H, ny): the same of the outputs, 0 where
     nobody knows. apart: whether parameters are held while trajectories and weights are sought. What acts on a body that no output shows
     would be theirs together with a trajectory, and the weights with them: with parameters from the start of the way weights come out
-    right, and parameters of most marginal likelihood at these weights.
+    right, and parameters of most marginal likelihood at these weights. strengths: place -> of the laws that residual forces have room for
+    near rest, where these are those of the solution that it begins at.
     """
 
     problem: Problem
@@ -61,6 +62,7 @@ class Work:
     floor: Mapping[int, float]
     noise: Array
     apart: bool
+    strengths: Mapping[int, float]
 
     def run(self, followed: Followed, stds: Stds, force_std: dict[int, float], start: Array, begin: Begun | None) -> tuple[Run, float]:
         """All of it from these trajectories, weights and parameters; and when the first program was built [s of `time.perf_counter`]."""
@@ -132,7 +134,7 @@ class Work:
 
     def program(self, horizons: Sequence[Horizon], followed: Followed, force_std: dict[int, float], start: Array) -> Program:
         """The program on these meshes, started on these trajectories and parameters."""
-        return make_program(self.problem, self.settings, horizons, followed, self.laws, force_std, self.parameters, start)
+        return make_program(self.problem, self.settings, horizons, followed, self.laws, force_std, self.parameters, start, self.strengths)
 
     def chosen(self, program: Program, least_std: Mapping[int, float], stds: Stds, full: bool = True) -> Choice:
         """The program solved, with weights from the data where nobody gave them; full: to the full tolerance at last."""

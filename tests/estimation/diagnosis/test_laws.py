@@ -198,7 +198,7 @@ def test_a_richer_law_takes_the_part_of_a_plainer_one_that_is_there():
     model = actuator()
     (spot,) = bodies(model)
     by = {law.label or law.physics: of_law(law, model, spot, MOTION) for law in AGAINST_GROUND}
-    assert by["stribeck_friction"].absorbs == {"friction.f_c": "stribeck_friction_carriage.f_c"}
+    assert by["stribeck_friction"].absorbs == {"friction.f_c": "stribeck_friction_carriage.f_c stribeck_friction_carriage.f_s"}
     assert by["asymmetric_friction"].absorbs == {"friction.d": "asymmetric_friction_carriage.d_plus asymmetric_friction_carriage.d_minus"}
     assert by["logarithmic_friction"].absorbs == {"friction.f_c": "logarithmic_friction_carriage.c"}
     assert by["coulomb_friction"].absorbs == {}

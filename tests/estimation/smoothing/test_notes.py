@@ -14,6 +14,8 @@ from backsight.estimation.recordings.gaps import rates_note
 from backsight.estimation.results import Companion, OutputFit, ResidualSummary
 from backsight.estimation.smoothing.notes import on_errors, on_residuals
 
+REMEDY = "Stated deviations take it for white and may be too small; give its W a tau."
+
 
 def fit(**given: float | None) -> OutputFit:
     common = {"whiteness_p": 0.4, "normality_p": 0.4, "effective_samples": 1000.0, "samples": 1000, "prediction_rms": 1.0}
@@ -51,7 +53,7 @@ def test_several_recordings_are_told_apart():
     [
         ({}, []),
         ({"whiteness_p": 0.2}, []),
-        ({"whiteness_p": 1e-4}, ["residual.axis is not white (p = 0.0001): a force with a memory acts there."]),
+        ({"whiteness_p": 1e-4}, ["residual.axis is not white (p = 0.0001): a force with a memory acts there. " + REMEDY]),
         (
             {"whiteness_p": 1e-4, "follows": Companion(what="|axis.v|", law="friction that differs", correlation=0.634, std=0.05)},
             ["residual.axis follows |axis.v| (r = 0.63 ± 0.05), as friction that differs would make it."],
