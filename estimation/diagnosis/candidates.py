@@ -179,7 +179,7 @@ class Candidate:
         """Whether nothing is left of another one where this one is: its component is exchanged, or all its strengths are taken over."""
         components = {path.partition(".")[0] for path in other.named.values()}
         own = set(other.strengths or other.named.values())
-        return bool(components & set(self.exchanged)) or bool(own) and own <= set(self.absorbs)
+        return bool(components & set(self.exchanged)) or (bool(own) and own <= set(self.absorbs))
 
     @property
     def size(self) -> int:

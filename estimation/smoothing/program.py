@@ -28,6 +28,7 @@ from .robust import Losses, RobustSolution, solve_robustly
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 METHODS = ("auto", "spline", "collocation")
+TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +58,16 @@ class Settings:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(f"Settings(method={self.method!r}): {suggestion(str(self.method), METHODS)}")
-        for name, least in (("degree", 1), ("step", 0.0), ("finest", 0.0), ("seconds", 0.0)):
-            value = getattr(self, name)
-            if value is None:
-                continue
-            check_number(value, f"Settings: {name}")
-            if not (value >= least if name == "degree" else value > least):
-                raise InputError(f"Settings({name}={value!r}): it must be {'at least 1' if name == 'degree' else 'more than 0'}.")
+        for name, least, said in (
+            ("degree", 1, "at least 1"),
+            ("step", TINY, "more than 0"),
+            ("finest", TINY, "more than 0"),
+            ("seconds", 0, "0 or more"),
+        ):
+            if (value := getattr(self, name)) is not None:
+                check_number(value, f"Settings: {name}")
+                if not value >= least:
+                    raise InputError(f"Settings({name}={value!r}): it must be {said}.")
         for name in ("check_mesh", "hasty", "weigh", "marginal"):
             if not isinstance(value := getattr(self, name), bool):
                 raise InputError(f"Settings({name}={value!r}): it must be True or False.")

@@ -25,6 +25,7 @@ from backsight.estimation.diagnosis.choice import (
     simplest,
     slight,
     sound,
+    stood_for,
 )
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
@@ -162,3 +163,36 @@ def test_play_that_hardly_unloads_its_shaft_is_none(gap, is_nothing):
     c = Candidate(place="shaft", family="transmission", physics="backlash", start={"shaft.gap": (gap, 0, 1)}, named={"gap": "shaft.gap"})
     sizes = SimpleNamespace(forces={"motor": 2.5, "load": 2.5})
     assert slight(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
+
+
+def test_where_a_plain_law_falls_short_of_its_score_the_law_that_it_stood_for_is_fitted(monkeypatch):
+    monkeypatch.setattr("backsight.estimation.diagnosis.choice.matters", lambda *_: True)
+    drag, stribeck = screened("axis", "quadratic_drag", 160.0), screened("axis", "stribeck_friction", 154.0, size=2)
+    elsewhere, little = screened("table", "stribeck_friction", 155.0, size=2), screened("axis", "logarithmic_friction", 60.0, size=2)
+    found = screen(drag, elsewhere, stribeck, little)
+
+    def fit(gained: float) -> tuple:
+        return drag.candidate, drag, SimpleNamespace(evidence=1000.0 + gained)
+
+    assert stood_for(found, None, [fit(150.0)], 1000.0) == []
+    assert stood_for(found, None, [fit(42.0)], 1000.0) == [stribeck]
+    assert stood_for(found, None, [fit(-np.inf)], 1000.0) == [stribeck]
+    both = [fit(42.0), (stribeck.candidate, stribeck, SimpleNamespace(evidence=1900.0))]
+    assert stood_for(found, None, both, 1000.0) == []
+
+
+def test_a_law_replaces_another_of_which_it_leaves_nothing():
+    coulomb = Candidate(place="axis", family="friction", physics="coulomb_friction", strengths=("c.f_c",), named={"f_c": "c.f_c"})
+    named = {"f_c": "s.f_c", "f_s": "s.f_s"}
+    stribeck = Candidate(
+        place="axis",
+        family="friction",
+        physics="stribeck_friction",
+        strengths=("s.f_c", "s.f_s"),
+        named=named,
+        absorbs={"c.f_c": "s.f_c s.f_s"},
+    )
+    level = Candidate(place="axis", family="friction", physics="presliding_friction", named={"f_c": "p.f_c"}, absorbs={"s.f_c": "p.f_c"})
+    assert stribeck.replaces(coulomb)
+    assert not level.replaces(stribeck)
+    assert not level.replaces(Candidate(place="axis", family="inertia", physics="added_mass"))

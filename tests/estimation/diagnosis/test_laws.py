@@ -206,7 +206,7 @@ def test_a_richer_law_takes_the_part_of_a_plainer_one_that_is_there():
     drive = next(s for s in bodies(turning) if s.name == "drive_1")
     law = next(law for law in AGAINST_GROUND if law.physics == "stribeck_friction")
     c = of_law(law, turning, drive, MOTION)
-    assert c.absorbs == {"friction_1.tau_c": "stribeck_friction_drive_1.tau_c"}
+    assert c.absorbs == {"friction_1.tau_c": "stribeck_friction_drive_1.tau_c stribeck_friction_drive_1.tau_s"}
     assert set(c.named) == {"tau_c", "tau_s", "v_s"}
 
 

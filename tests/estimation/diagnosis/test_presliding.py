@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from backsight.estimation.diagnosis.candidates import Insert
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.presliding import bristles, of_presliding
 from backsight.models import compile_model
+from backsight.models.mechanics.translational import DahlFriction, Friction, StribeckFriction
 from backsight.models.plants import actuator, drillstring
 
 LEVEL, DELTA, WIDTH = 20.0, 2e-4, 1e-4
@@ -62,3 +64,15 @@ def test_where_there_is_no_level_there_is_nothing_to_bend() -> None:
     string = drillstring()
     (table,) = (s for s in bodies(string) if s.name == "rotary_table")
     assert of_presliding(string, table, Motion(v_rms=1.0, low=0.0, high=9.0), {}) == []
+
+
+def test_a_level_that_is_not_all_of_its_law_stays() -> None:
+    model = actuator()
+    (carriage,) = bodies(model)
+    motion, values = Motion(v_rms=0.1, low=-0.1, high=0.1), {"friction.f_c": 20.0}
+    laws = {"stribeck_friction": StribeckFriction(), "coulomb_friction": Friction(), "presliding_friction": DahlFriction()}
+    for name, component in laws.items():
+        edited = Insert(place="carriage.flange", component=component, name="own")(model)
+        found = of_presliding(edited, carriage, motion, {"friction.f_c": 0.0, "own.f_c": 20.0})
+        assert [c.absorbs for c in found] == ([{"own.f_c": f"{found[0].named['f_c']}"}] if name == "coulomb_friction" else [])
+    assert len(of_presliding(model, carriage, motion, values)) == 1

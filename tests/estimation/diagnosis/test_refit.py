@@ -186,3 +186,11 @@ def test_a_fit_that_cannot_be_posed_says_why():
     assert found.evidence == -np.inf
     assert found.whole is None
     assert Fitted(candidate=c).evidence == -np.inf
+
+
+def test_friction_that_is_higher_at_rest_starts_at_the_level_that_is_there_at_rest_too():
+    """20 sgn v + [3 (1 - e) + 9 e] sgn v, with e = exp(-(v/v_s)^2): levels of 23 in motion and 29 at rest."""
+    c = law("stribeck_friction")
+    name = "stribeck_friction_carriage"
+    start = begun(c, screened(c, [3.0, 9.0], {f"{name}.v_s": 0.05}), {"friction.f_c": 20.0})
+    assert (start[f"{name}.f_c"], start[f"{name}.f_s"]) == (23.0, 29.0)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from concealed_axis import posed, run
+from concealed_axis import posed, run, smoothed
 from scipy.linalg import null_space
 
 from backsight.data.generators import five_bar
@@ -15,6 +15,7 @@ from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.score import Columns, Enlarged, Linearised
+from backsight.estimation.smoothing.rest import near_rest
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS
 from backsight.ocp import ParameterPrior, transcribe
@@ -188,3 +189,29 @@ def test_a_model_that_does_not_hold_the_solution_is_refused():
     other = values_of(solution, dae, {"offset.f": 5.0})
     with pytest.raises(ValueError, match="does not hold the solution"):
         enlarged(solution, dae, ["friction.f_c"], other)
+
+
+def test_what_acts_near_rest_alone_is_nothing_while_moving():
+    """A model with Coulomb friction of an axis that reverses: a force there, and a force elsewhere."""
+    problem = posed(run(1.5, f_c=20.0), friction__f_c=Free(15.0))
+    base = Linearised(smooth(problem).solution)
+    t = base.solution.transcription
+    near = near_rest(t.force_std_at(base.solution.values))[0]
+    assert 0.02 < near.mean() < 0.5
+    (force,) = [term for term in t.nlp.terms if term.name == t.force_term]
+    rows = np.repeat(near, force.target.shape[0])
+    first = sum(term.target.size for term in t.nlp.terms[: t.nlp.terms.index(force)] if term.equality or term.heavy)
+    both = np.zeros((len(base.sizes), 2))
+    both[first : first + rows.size, 0], both[first : first + rows.size, 1] = rows / base.sizes[: rows.size], ~rows / base.sizes[: rows.size]
+    columns = Columns(squares=np.zeros((len(base._squares), 2)), multiplied=both)
+    whole, moving = np.diag(base.scores(columns).G), np.diag(base.moving.scores(base.while_moving(columns)).G)
+    assert base.rests
+    assert moving[0] < 1e-3 * whole[0]
+    assert moving[1] == pytest.approx(whole[1], rel=0.5)
+
+
+def test_where_nothing_rests_moving_is_all_there_is():
+    _, _, base = smoothed()
+    assert not base.rests
+    columns = Columns(squares=np.ones((len(base._squares), 1)), multiplied=np.ones((len(base.sizes), 1)))
+    np.testing.assert_array_equal(base.while_moving(columns).multiplied, columns.multiplied)

@@ -115,3 +115,13 @@ def test_a_sensor_that_filters_has_no_less_noise_than_a_converter_can_tell():
     found = noise(TIME, y)
     assert found.std >= 0.1 * 2.0**-20 / np.sqrt(12) * 0.99
     assert found.least == 0.0
+
+
+@pytest.mark.parametrize("factor", [1e-3, np.pi / 180, 1.0])
+def test_the_step_of_a_converted_reading_shows_though_it_rests_most_of_the_time(factor):
+    """Steps of 0.1 in another unit are off the grid by a rounding error, which is neither a step nor a noise."""
+    t = np.arange(4000) * 0.005
+    y = np.round(np.clip(60.0 * np.sin(t), -20.0, 20.0) / 0.1) * 0.1 + 123.4
+    found = noise(t, y * factor)
+    assert found.least == pytest.approx(0.1 * factor / np.sqrt(12.0), rel=0.05)
+    assert found.std == pytest.approx(found.least, rel=0.05)

@@ -11,7 +11,8 @@ import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding
+from backsight.estimation.smoothing.program import Settings
+from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding, strengths_at_rest
 from backsight.models import Model, Parameter, Variable, compile_model, equal, law
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalElement, RotationalFixed, Torque
 from backsight.models.plants import actuator
@@ -187,3 +188,27 @@ def test_what_holds_an_axis_that_rests_most_of_the_time_is_friction_and_no_dead_
     assert held.solver.converged
     assert held.parameters["friction.f_c"].value == pytest.approx(BODY.f_c, rel=0.02)
     assert held.criteria.log_evidence > missed.criteria.log_evidence + 100.0
+
+
+def test_room_is_as_much_as_is_known_of_a_place_whatever_the_law_there():
+    recording, _ = dwelling(1)
+    problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
+    laws, begun, knots = friction_laws(problem), followed(recording), [recording.time]
+    own, known = (open_at_rest(problem, laws, begun, knots, (0,), problem.values, strengths) for strengths in ({}, {0: 25.0}))
+    np.testing.assert_allclose(known[known > 0], 25.0 * np.sqrt(STEP), rtol=1e-3)
+    assert np.array_equal(known > 0, own > 0)
+    np.testing.assert_array_equal(open_at_rest(problem, laws, begun, knots, (0,), problem.values, {1: 25.0}), own)
+    nothing = problem.values
+    nothing[[p.name for p in DAE.parameters].index("friction.f_c")] = 0.0
+    assert open_at_rest(problem, laws, begun, knots, (0,), nothing, {0: 25.0}).max() == pytest.approx(25.0 * np.sqrt(STEP), rel=1e-3)
+
+
+def test_what_begins_at_a_solution_has_its_room_near_rest():
+    """With less friction than the solution found, the place has as much room as there: evidence does not hang on a law's strength."""
+    recording, _ = dwelling(1)
+    first = smooth(Problem(model=DAE, recordings=[recording], parameters=FREE)).solution
+    (strength,) = strengths_at_rest(first).values()
+    assert strength == pytest.approx(20.0, rel=0.3)
+    less = Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": Free(8.0)})
+    again = smooth(less, begin=first, settings=Settings(check_mesh=False)).solution
+    assert strengths_at_rest(again)["carriage"] == pytest.approx(strength, rel=1e-6)

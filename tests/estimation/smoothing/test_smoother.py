@@ -435,3 +435,18 @@ def test_settings_leave_out_no_check_of_what_was_recorded():
     still = Recording(name="stuck", time=0.01 * np.arange(50.0), inputs={"F": np.ones(50)}, outputs={"x": np.full(50, 0.25)})
     with pytest.raises(InputError, match="in all its samples"):
         smooth(Problem(model=compiled(oscillator()), recordings=[still], parameters={"mass.m": Free(1.0)}), settings=Settings())
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"method": "radau"}, "method='radau'"),
+        ({"degree": 0}, "degree=0.*at least 1"),
+        ({"step": 0.0}, "step=0.0.*more than 0"),
+        ({"seconds": "10"}, "seconds = '10' is a str"),
+        ({"check_mesh": 3}, "check_mesh=3.*True or False"),
+    ],
+)
+def test_settings_that_are_none_are_refused(given, said):
+    with pytest.raises(InputError, match=said):
+        Settings(**given)
