@@ -31,6 +31,8 @@ def velocity_of(dae: Dae, component: str, width: int, slope: Any) -> str | None:
     if known is not None:
         return known
     own = {name: e for name, e in dae.variables.items() if name.rpartition(".")[0] == component}
+    if not own:
+        return None
     motion = ca.vertcat(dae.dx, dae.x, dae.z)
     asked = [ca.jacobian(ca.sum1(slope), motion), *(ca.jacobian(e, motion) for e in own.values())]
     gradients = ca.Function("gradients", [motion, dae.u, dae.p, dae.w, dae.t], [ca.densify(g) for g in asked])

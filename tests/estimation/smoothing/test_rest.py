@@ -11,11 +11,13 @@ import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.smoothing.law_velocity import velocity_of
 from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding, strengths_at_rest
 from backsight.models import Model, Parameter, Variable, compile_model, equal, law
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalElement, RotationalFixed, Torque
-from backsight.models.plants import actuator
+from backsight.models.mechanics.spatial import QuadraticDrag
+from backsight.models.plants import actuator, quadrotor
 from backsight.models.signals import DeadZone
 from backsight.ocp.follow import Followed, follow
 from backsight.ocp.horizon import Horizon
@@ -212,3 +214,19 @@ def test_what_begins_at_a_solution_has_its_room_near_rest():
     less = Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": Free(8.0)})
     again = smooth(less, begin=first, settings=Settings(check_mesh=False)).solution
     assert strengths_at_rest(again)["carriage"] == pytest.approx(strength, rel=1e-6)
+
+
+def test_a_component_without_variables_of_its_own_has_no_velocity():
+    """The drag of a body in space, say, whose velocity is that of the body's frame."""
+    (law,) = friction_laws(Problem(model=DAE, recordings=[dwelling(1)[0]], parameters=FREE))
+    assert velocity_of(DAE, "nobody", law.width, ca.jacobian(DAE.residual, DAE.p[law.width])) is None
+
+
+def test_a_body_in_space_with_drag_can_be_smoothed_for_its_friction():
+    edited = quadrotor().insert("body", QuadraticDrag(), name="drag")
+    dae = compile_model(edited)
+    still = {q.name: np.zeros(3) for q in dae.outputs}
+    inputs = {q.name: np.zeros(3) for q in dae.inputs}
+    recording = Recording(name="flight", time=np.arange(3.0), inputs=inputs, outputs=still, output_std=dict.fromkeys(still, 1.0))
+    (name,) = (p.name for p in dae.parameters if p.name.startswith("drag.") and p.name.endswith("c"))
+    assert friction_laws(Problem(model=dae, recordings=[recording], parameters={name: Free(0.1)})) == ()
