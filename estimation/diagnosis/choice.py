@@ -41,7 +41,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     gain says little of what an effect is worth. Beside a law of several strengths the simplest of its family is fitted too: scores go by
     straight lines, and the richer one may end in a worse valley.
     """
-    worth, likely = list[Screened](), [s for s in found.found if found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)]
+    worth, likely = list[Screened](), [s for s in found.found if _likely(s, found, sizes)]
     for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
@@ -64,6 +64,11 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     return best
 
 
+def _likely(s: Screened, found: Screen, sizes: Sizes) -> bool:
+    """Whether its gain is unlikely by chance, its strength possible, and its effect large enough to matter."""
+    return found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)
+
+
 def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]], now: float) -> list[Screened]:
     """The best candidate that a simpler one stood for, at every place where that one's fit fell short of its score.
 
@@ -74,7 +79,7 @@ def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Scree
         if s is None or f.evidence - now > SHORT * s.gain:
             continue
         there = [o for o in found.found if o.candidate.place == c.place and o.candidate.size > c.size and o.candidate.key not in fitted]
-        good = (o for o in there if o.gain >= WORTH * s.gain and found.chance(o.gain) <= SURE and not beyond(o) and matters(o, sizes))
+        good = (o for o in there if o.gain >= WORTH * s.gain and _likely(o, found, sizes))
         if (best := next(good, None)) is not None:
             out.append(best)
             fitted.add(best.candidate.key)

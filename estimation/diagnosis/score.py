@@ -109,13 +109,13 @@ class Linearised:
 
     def while_moving(self, columns: Columns) -> Columns:
         """Derivatives of these rows as `moving` has them."""
-        t = self.solution.transcription
-        factors = [np.ones(0)]
-        for term in t.nlp.terms:
-            if term.equality or term.heavy:
-                of_forces = np.tile(self._freed, (term.target.shape[0] // max(len(t.soft), 1), 1)) if term.name == t.force_term else None
-                factors.append(np.ones(term.target.size) if of_forces is None else 1.0 / of_forces.T.ravel())
-        factor = np.concatenate(factors) * self.sizes / self.moving.sizes
+        now, before = self.moving.solution.values.scale, self.solution.values.scale
+        parts = [
+            np.divide(new, old, out=np.ones_like(old), where=old > 0).T.ravel()
+            for new, old, term in zip(now, before, self.solution.transcription.nlp.terms, strict=True)
+            if term.equality or term.heavy
+        ]
+        factor = np.concatenate([np.empty(0), *parts]) * self.sizes / self.moving.sizes
         return Columns(squares=columns.squares, multiplied=columns.multiplied * factor[:, None])
 
     @cached_property

@@ -104,8 +104,8 @@ def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = ()) -
     """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
     for batch, at_rest in _batches(chain(told(base, looks), late)):
-        joined, first = Columns.joined([look.columns for look in batch]), 0
-        scores = base.scores(joined) if at_rest or not base.rests else base.moving.scores(base.while_moving(joined))
+        there, joined = _seen(base, batch, at_rest)
+        scores, first = there.scores(joined), 0
         for look in batch:
             at = np.arange(first, first + len(look.columns))
             first += len(look.columns)
@@ -165,9 +165,8 @@ def _inflated(base: Linearised, found: list[Screened]) -> list[Screened]:
     """With the inflation of their scores."""
     of, inflated = {id(s.look): s for s in found}, list[Screened]()
     for batch, at_rest in _batches([s.look for s in found]):
-        joined, first = Columns.joined([look.columns for look in batch]), 0
-        there = base if at_rest or not base.rests else base.moving
-        effects = there.effects(joined if there is base else base.while_moving(joined))
+        there, joined = _seen(base, batch, at_rest)
+        effects, first = there.effects(joined), 0
         for look in batch:
             s, last = of[id(look)], first + len(look.columns)
             inflated.append(replace(s, inflation=inflation(effects[:, first:last] @ s.estimate, there.left, there.intervals)))
@@ -183,6 +182,12 @@ def inflation(effect: Array, left: Array, intervals: Index) -> float:
     last = int(intervals.max()) + 1
     sums = np.bincount(intervals * min(PARTS, last) // last, weights=effect * (left + effect))
     return max(1.0, float(sums @ sums) / size)
+
+
+def _seen(base: Linearised, batch: list[Look], at_rest: bool) -> tuple[Linearised, Columns]:
+    """Where looks are scored, and what they do there."""
+    joined = Columns.joined([look.columns for look in batch])
+    return (base, joined) if at_rest or not base.rests else (base.moving, base.while_moving(joined))
 
 
 def _batches(looks: Iterable[Look]) -> Iterator[tuple[list[Look], bool]]:
