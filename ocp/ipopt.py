@@ -102,7 +102,8 @@ class Solver:
         """The program and the options; Ipopt is set up anew where it arrives."""
         return {"nlp": self.nlp, "options": self.options}
 
-    def _make(self, hessian: Any, max_iterations: int) -> Any:
+    def _make(self, hessian: Any, max_iterations: int, arrived: bool = False) -> Any:
+        """Ipopt with this Hessian. arrived: whether it begins where plain steps ended, with nothing on a bound that is not held there."""
         ipopt: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -121,6 +122,9 @@ class Solver:
             "bound_frac": 1e-8,
             "mumps_pivot_order": 5 if self.nlp.constraint_count else 7,
         }
+        if arrived:  # a barrier would only lead away from there and back
+            ipopt |= {"warm_start_init_point": "yes", "mu_init": 1e-9, "warm_start_bound_push": 1e-8, "warm_start_bound_frac": 1e-8}
+            ipopt |= {"warm_start_mult_bound_push": 1e-12}
         options = {
             "ipopt": ipopt,
             "print_time": False,
@@ -142,6 +146,10 @@ class Solver:
     @cached_property
     def _gauss_newton(self) -> Any:
         return self._make(self._oracle.hessian(exact=False), self.options.gauss_newton_iterations)
+
+    @cached_property
+    def _last_word(self) -> Any:
+        return self._make(self._oracle.hessian(exact=False), self.options.gauss_newton_iterations, arrived=True)
 
     @cached_property
     def _newton(self) -> Any:
@@ -224,7 +232,7 @@ class Solver:
         lower, upper = lower.copy(), upper.copy()
         lower[held] = upper[held] = solved.decisions[held]
         for exact in (False, True):
-            found = self._by_ipopt(self._newton if exact else self._gauss_newton, values, lower, upper, solved.multipliers, solved)
+            found = self._by_ipopt(self._newton if exact else self._last_word, values, lower, upper, solved.multipliers, solved)
             if progress is not None:
                 progress(f"Ipopt: cost {found.cost:.6g} after {found.iterations} iterations")
             if found.status is Status.INTERRUPTED:

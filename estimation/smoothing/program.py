@@ -59,7 +59,6 @@ class Settings:
         if self.method not in METHODS:
             raise InputError(f"Settings(method={self.method!r}): {suggestion(str(self.method), METHODS)}")
         for name, least, said in (
-            ("degree", 1, "at least 1"),
             ("step", TINY, "more than 0"),
             ("finest", TINY, "more than 0"),
             ("seconds", 0, "0 or more"),
@@ -68,6 +67,9 @@ class Settings:
                 check_number(value, f"Settings: {name}")
                 if not value >= least:
                     raise InputError(f"Settings({name}={value!r}): it must be {said}.")
+        lowest = 1 if self.method == "collocation" else 2
+        if self.degree is not None and not (isinstance(self.degree, int) and lowest <= self.degree <= 5):
+            raise InputError(f"Settings(degree={self.degree!r}): it must be a whole number from {lowest} to 5 for method {self.method!r}.")
         for name in ("check_mesh", "hasty", "weigh", "marginal"):
             if not isinstance(value := getattr(self, name), bool):
                 raise InputError(f"Settings({name}={value!r}): it must be True or False.")

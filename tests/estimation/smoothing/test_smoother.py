@@ -441,7 +441,8 @@ def test_settings_leave_out_no_check_of_what_was_recorded():
     ("given", "said"),
     [
         ({"method": "radau"}, "method='radau'"),
-        ({"degree": 0}, "degree=0.*at least 1"),
+        ({"degree": 1}, "degree=1.*whole number from 2 to 5"),
+        ({"degree": 2.5, "method": "collocation"}, "degree=2.5.*from 1 to 5"),
         ({"step": 0.0}, "step=0.0.*more than 0"),
         ({"seconds": "10"}, "seconds = '10' is a str"),
         ({"check_mesh": 3}, "check_mesh=3.*True or False"),
