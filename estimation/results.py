@@ -94,12 +94,21 @@ class Companion:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Memory:
+    """Of an Ornstein-Uhlenbeck force: correlation time tau [s] and rms [unit of the force]."""
+
+    tau: float
+    rms: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ResidualSummary:
     """A place's residual force over all recordings: rms [unit] and the equation it belongs to.
 
     Near rest, in a share rest_share of the samples, it stands in for a friction law (`smoothing/rest.py`): rest_rms is of these, rms of
-    the others, or of all where there are no others. whiteness_p: chance of its autocorrelation if the force is white. follows: what it
-    goes with most, if plainly, with the law that would look like that and the correlation with its standard deviation.
+    the others, or of all where there are no others. whiteness_p: chance of its autocorrelation if the force is white; memory: where that
+    is small, how long and how large the force is that remembers. follows: what it goes with most, if plainly, with the law that would
+    look like that and the correlation with its standard deviation.
     """
 
     place: str
@@ -107,6 +116,7 @@ class ResidualSummary:
     rms: float
     origin: str
     whiteness_p: float | None = None
+    memory: Memory | None = None
     follows: Companion | None = None
     rest_share: float = 0.0
     rest_rms: float | None = None

@@ -172,9 +172,10 @@ def _weights(weights: Weights) -> dict[str, Any]:
 
 
 def _residual(r: ResidualSummary) -> dict[str, Any]:
-    follows = None if r.follows is None else asdict(r.follows)
+    follows, memory = (None if found is None else asdict(found) for found in (r.follows, r.memory))
     rest = {"share": r.rest_share, "rms": r.rest_rms}
-    return {"rms": r.rms, "near_rest": rest, "unit": r.unit, "origin": r.origin, "whiteness_p": r.whiteness_p, "follows": follows}
+    size = {"rms": r.rms, "near_rest": rest, "unit": r.unit}
+    return size | {"origin": r.origin, "whiteness_p": r.whiteness_p, "memory": memory, "follows": follows}
 
 
 def _profile(p: Profile) -> dict[str, Any]:

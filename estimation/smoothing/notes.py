@@ -33,6 +33,7 @@ Errors = Mapping[str, Mapping[str, np.ndarray[tuple[int, ...], np.dtype[np.float
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
+STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
 
@@ -51,6 +52,7 @@ def notes(
         *_on_forces(problem, run),
         *supposed_notes(problem),
         *_on_the_answer(problem.posed, run),
+        *_on_far_ones(problem.posed, run.choice.solution),
         *run.said,
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
@@ -145,9 +147,11 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
             f = r.follows
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
         elif r.whiteness_p is not None and r.whiteness_p < DOUBT and place not in silent:
+            m = r.memory
+            W = "a W with a tau" if m is None else f'W = {{ "{place}" = {{ std = {m.rms:.2g}, tau = {m.tau:.2g} }} }}'
             found.append(
-                f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory acts there. Stated deviations take it "
-                "for white and may be too small; give its W a tau."
+                f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory{f' of about {m.tau:.2g} s' if m else ''} "
+                f"acts there. Stated deviations take it for white and may be too small; with {W} they do not."
             )
     return found
 
@@ -261,6 +265,23 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
                 "smaller step."
             )
     return found
+
+
+def _on_far_ones(problem: Problem, solution: Solution) -> list[str]:
+    """Parameters that cannot be negative and are plainly another size than their guess: a unit that is wrong makes a good fit too."""
+    found, t = [], solution.transcription
+    if solution.curvature is None:
+        return []
+    for k, i in enumerate(t.nlp.free):
+        info, value, variance = t.dae.parameters[i], float(solution.parameters[i]), float(solution.curvature.parameter_variance[k])
+        given = problem.parameters.get(info.name)
+        if not isinstance(given, Free) or given.guess <= 0 or info.minimum < 0 or not 0 < SURE * np.sqrt(variance) < value:
+            continue
+        times = value / given.guess
+        if max(times, 1 / times) > STRANGE:
+            more = f"{times:.2g} times above" if times > 1 else f"{1 / times:.2g} times below"
+            found.append(f"{info.name} {more} its guess, {given.guess:g} {info.unit}")
+    return [f"{listed(found)}: are inputs, outputs and guesses in the units that they are said to have?"] if found else []
 
 
 def _on_outputs(problem: Problem, run: Run) -> list[str]:

@@ -14,10 +14,10 @@ from backsight.ocp import Solution
 
 from ..problem import Free, Problem, Weights
 from ..recordings.recording import Recording
-from ..results import ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
+from ..results import DOUBT, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 from ..supposed import noisy_inputs, own_parameters
 from ..validation.rates import undriven_rates
-from ..validation.validate import Validation, followed, validate
+from ..validation.validate import Validation, followed, remembered, validate
 from .columns import columns, places
 from .mesh_error import Checked
 from .notes import notes
@@ -196,6 +196,7 @@ def _residuals(
             unit=place.unit,
             origin=place.origin,
             whiteness_p=validation.force_p.get(place.name),
+            memory=remembered(place.name, estimates) if validation.force_p.get(place.name, 1.0) < DOUBT else None,
             follows=followed(place.name, place.unit, estimates, inputs, states, units, rates),
             **asdict(rms[place.name]),
         )

@@ -11,8 +11,9 @@ import pandas as pd
 from backsight.ocp import Solution
 
 from ..recordings.recording import Recording
-from ..results import Companion, Criteria, OutputFit
+from ..results import Companion, Criteria, Memory, OutputFit
 from ..smoothing.robust import RobustSolution
+from .autocorrelation import memory
 from .criteria import criteria
 from .fit import output_fit
 from .forces import force_whiteness
@@ -63,6 +64,12 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
         force_p={dae.places[k].name: p for k, p in force_whiteness(solution, tested).items()},
         weighed=weighed,
     )
+
+
+def remembered(place: str, estimates: Mapping[str, pd.DataFrame]) -> Memory | None:
+    """What the residual force of a place remembers, in the recording where it does longest."""
+    found = [memory(t["t_s"].to_numpy(float), t[f"residual.{place}"].to_numpy(float)) for t in estimates.values()]
+    return max((m for m in found if m is not None), key=lambda m: m.tau, default=None)
 
 
 def followed(

@@ -9,12 +9,14 @@ import pytest
 import truths
 from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
+from backsight.data import path
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.recordings.gaps import rates_note
-from backsight.estimation.results import Companion, OutputFit, ResidualSummary
+from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary
 from backsight.estimation.smoothing.notes import on_errors, on_residuals
+from backsight.models.plants import actuator
 
-REMEDY = "Stated deviations take it for white and may be too small; give its W a tau."
+REMEDY = "acts there. Stated deviations take it for white and may be too small; with"
 
 
 def fit(**given: float | None) -> OutputFit:
@@ -53,7 +55,17 @@ def test_several_recordings_are_told_apart():
     [
         ({}, []),
         ({"whiteness_p": 0.2}, []),
-        ({"whiteness_p": 1e-4}, ["residual.axis is not white (p = 0.0001): a force with a memory acts there. " + REMEDY]),
+        (
+            {"whiteness_p": 1e-4},
+            [f"residual.axis is not white (p = 0.0001): a force with a memory {REMEDY} a W with a tau they do not."],
+        ),
+        (
+            {"whiteness_p": 1e-4, "memory": Memory(tau=0.213, rms=0.81)},
+            [
+                f"residual.axis is not white (p = 0.0001): a force with a memory of about 0.21 s {REMEDY} "
+                'W = { "axis" = { std = 0.81, tau = 0.21 } } they do not.'
+            ],
+        ),
         (
             {"whiteness_p": 1e-4, "follows": Companion(what="|axis.v|", law="friction that differs", correlation=0.634, std=0.05)},
             ["residual.axis follows |axis.v| (r = 0.63 ± 0.05), as friction that differs would make it."],
@@ -151,3 +163,19 @@ def test_an_input_that_is_nothing_in_every_row_is_named():
 def test_bounds_that_the_physics_does_not_allow_are_named():
     (told,) = (note for note in notes_of(axis_run(0, 0.02), min=-50.0, max=90.0) if "beyond its physical" in note)
     assert told.startswith("damper.d: min = -50 is beyond its physical 0")
+
+
+def test_parameters_of_another_size_than_their_guesses_ask_for_the_units():
+    """The bundled axis with its force in kN where N are meant; in N the guesses, three times off, are not worth a word."""
+    given = Recording.read(path("axis_fit.csv.gz"), time="t_s", inputs={"F": "F_N"}, outputs={"x": "x_m"}, std={"x": 1e-6}, range=(0, 1.5))
+    free = {"carriage.m": Free(40), "friction.d": Free(500), "friction.f_c": Free(50), "offset.f": Free(-3)}
+    said = []
+    for factor in (1.0, 1e-3):
+        scaled = replace(given, inputs={"F": factor * given.inputs["F"]})
+        notes = smooth(Problem(model=actuator(), recordings=[scaled], parameters=free)).notes
+        said.append([note for note in notes if "are inputs, outputs and guesses in the units" in note])
+    assert said[0] == []
+    assert len(said[1]) == 1
+    assert all(f"{name} " in said[1][0] for name in ("carriage.m", "friction.d", "friction.f_c"))
+    assert "times below its guess, 40 kg" in said[1][0]
+    assert "offset.f" not in said[1][0]
