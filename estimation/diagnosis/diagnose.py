@@ -33,6 +33,7 @@ from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
 from .refit import HELD, QUICKLY, evidence
 from .search import Progress, Search
+from .sizes_known import with_sizes_known
 from .verdict import Diagnosis
 from .words import CONTRADICTED
 
@@ -73,6 +74,8 @@ def diagnose(
             return _base(other, Keep(keep, other), say)
 
         as_said = based(steadied)
+        steadied, open_ones = with_sizes_known(steadied, as_said[0])
+        as_said = based(steadied) if open_ones else as_said
         better, (first, settings), straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
             problem=better,
@@ -90,7 +93,7 @@ def diagnose(
     if straight and search.held is None:
         straight, first = "", as_said[0]
     verdict, first = search.verdict(), without_offsets(first)
-    notes = [said for said in (split, straight) if said]
+    notes = [said for said in (split, straight, open_ones) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])

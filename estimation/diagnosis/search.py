@@ -58,6 +58,12 @@ class Before:
     accepted: list[Candidate]
 
 
+INCOMPARABLE = (
+    "No models were compared: where the model as it is came to rest the recordings do not tell its parameters and states apart. Give what "
+    "is known of them, in [parameters], in [initial] or by another sensor."
+)
+
+
 @dataclass
 class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
@@ -221,8 +227,11 @@ class Search:
         return None if found is None or not found.solver.converged else (problem, found)
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
-        """Fits the best candidates and keeps one; whether there was one."""
+        """Fits the best candidates and keeps one; whether there was one. None can be better than a model of which nobody knows how good."""
         now = self._worth(self.problem, self.result)
+        if not np.isfinite(now):
+            self.notes.append(INCOMPARABLE)
+            return False
         worth = [dated(base, s) for s in chosen(found, sizes)]
         if worth:
             rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
@@ -403,6 +412,8 @@ class Search:
 
     def verdict(self) -> Class:
         """One word for what was found."""
+        if INCOMPARABLE in self.notes:
+            return "undecided"
         if not self.findings:
             return "none"
         first = self.findings[0]

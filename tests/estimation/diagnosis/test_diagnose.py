@@ -10,10 +10,12 @@ import pytest
 from concealed_axis import NOISE, posed, run
 
 from backsight.data.generators.actuator import CONDITIONS, SERVO, Carriage, record
-from backsight.estimation import Free, Problem
+from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.diagnosis import Diagnosis, diagnose
-from backsight.models import compile_model
+from backsight.models import Model, compile_model
 from backsight.models.errors import InputError
+from backsight.models.mechanics.translational import Force, ForceSensor, Friction, Mass, SpringDamper
+from backsight.models.simulation import simulate
 
 STEP = 2e-3
 
@@ -179,6 +181,38 @@ def test_a_diagnosis_that_was_kept_is_the_same_when_it_goes_on(tmp_path):
     again = diagnose(problem, jobs=1, keep=tmp_path)
     assert answer(first) == answer(again)
     assert again.seconds < first.seconds
+
+
+def test_two_parameters_that_nobody_can_tell_apart_do_not_hide_what_is_missing():
+    """A second damper beside the axis's own, both free: the friction is found as without it, and the note says what was supposed."""
+    plain = case(f_c=20.0)
+    model = plain.model.insert("carriage", Friction(d=20.0, f_c=0.0), "seal")
+    d = diagnose(replace(plain, model=model, parameters={**plain.parameters, "seal.d": Free(20.0)}), jobs=1)
+    assert d.verdict == "missing_physics"
+    assert d.findings[0].explanation.words == "coulomb friction at carriage"
+    assert d.findings[0].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.02)
+    assert d.after.parameters["friction.d"].value + d.after.parameters["seal.d"].value == pytest.approx(203.5, rel=0.03)
+    assert any("friction.d and seal.d apart" in note and "seal.d = 20 ± 20 N.s/m" in note for note in d.notes)
+
+
+def test_a_model_whose_states_nobody_can_tell_is_left_undecided():
+    """Two masses on a line of which only the force between them is measured: nothing says where they are, or how fast."""
+    parts = {"motor": Force(), "one": Mass(m=2.0), "gauge": ForceSensor(), "spring": SpringDamper(k=800.0, d=4.0), "two": Mass(m=3.0)}
+    line = (("motor.flange", "one.flange"), ("one.flange", "gauge.flange_a"), ("gauge.flange_b", "spring.flange_a"))
+    model = Model(
+        name="train",
+        components=parts,
+        connections=(*line, ("spring.flange_b", "two.flange")),
+        inputs={"F": "motor.f"},
+        outputs={"f": "gauge.f"},
+    )
+    time, rng = np.arange(0.0, 3.0, 5e-3), np.random.default_rng(4)
+    F = 10.0 * np.sign(np.sin(5.0 * time))
+    truth = simulate(compile_model(model), time, {"F": F}).outputs["f"]
+    run = Recording(name="run", time=time, inputs={"F": F}, outputs={"f": truth + 0.05 * rng.normal(size=time.size)}, output_std={"f": 0.05})
+    d = diagnose(Problem(model=model, recordings=[run], parameters={"one.m": Free(1.5)}), jobs=1)
+    assert d.verdict == "undecided"
+    assert any(note.startswith("No models were compared") for note in d.notes)
 
 
 def test_a_compiled_model_has_no_places_and_is_refused_in_words():
