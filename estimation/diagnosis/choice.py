@@ -31,6 +31,7 @@ MUCH_LESS = 1.5  # times the worth of a fit: another one that is worth as much i
 SPREAD, SPREAD_OF_COUPLINGS = 0.3, 0.5  # standard deviation of a strength over the largest one; of a coupling its evidence tells more
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
 HOLDING = ("coulomb_friction", "stribeck_friction")
+NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 
@@ -186,7 +187,13 @@ def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, int]]]) 
 
 
 def idle(c: Candidate, result: Smoothing) -> bool:
-    """Whether a model that has a candidate would be as good without it; of couplings, which have no strength, nobody can say."""
+    """Whether a model that has a candidate would be as good without it, or has it at nothing, on its bound.
+
+    Of couplings, which have no strength, nobody can say.
+    """
+    strengths = {n: result.parameters[n] for n in c.strengths if n in result.parameters}
+    if strengths and all(p.on_bound and abs(p.value - c.neutral(n)) <= NOTHING for n, p in strengths.items()):
+        return True
     told = {n: c.neutral(n) for n in c.strengths if n in result.parameters and result.parameters[n].std is not None}
     return bool(told) and more_probable_at(result, told) > -CLEAR
 

@@ -24,7 +24,6 @@ from backsight.ocp import Horizon, Solution
 from ..problem import Problem
 from ..smoothing.along import along
 from ..smoothing.begun import followed_by
-from ..supposed import lean
 from .candidates import Candidate, Signal
 from .offsets import with_those_of
 from .score import Columns, Enlarged, Linearised
@@ -111,7 +110,7 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
             edited = model
             for c in some:
                 edited = c.edited(edited)
-            dae = _lean(problem, with_those_of(problem, compile_model(edited, places=_extra(problem, model))))
+            dae = _as_posed(problem, with_those_of(problem, compile_model(edited, places=_extra(problem, model))))
         except ModelError:
             return None
         return dae if [q.name for q in dae.states] == own else None
@@ -124,9 +123,9 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
     return (dae, usable) if dae is not None else (base.solution.transcription.dae, [])
 
 
-def _lean(problem: Problem, dae: Dae) -> Dae:
-    lighter = lean(replace(problem, model=dae, parameters={}, weights=replace(problem.weights, W={}, tau={}, kind={})))
-    return lighter.dae
+def _as_posed(problem: Problem, dae: Dae) -> Dae:
+    """A larger model with all that the problem supposes beyond its own: coloured forces, noisy inputs, drifts, parameters of recordings."""
+    return replace(problem, model=dae).posed.dae
 
 
 def _extra(problem: Problem, model: Model) -> list[str]:

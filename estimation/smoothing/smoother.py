@@ -141,7 +141,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         force_std = balance(plain, followed, start).force_std
     if not settings.weigh:
         given = {**force_std, **given}
-    for index, width in smoothing_widths(plain, laws, followed, moving_unseen(plain)).items():
+    along_it = plain if begin is None else problem  # what `followed` has the unknowns of
+    for index, width in smoothing_widths(along_it, laws, followed, moving_unseen(plain)).items():
         parameters[index] = start[index] = width
     parameters = measured_by(problem, parameters, start)
     work = Work(

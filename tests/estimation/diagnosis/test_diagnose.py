@@ -10,7 +10,7 @@ import pytest
 from concealed_axis import NOISE, posed, run
 
 from backsight.data.generators.actuator import CONDITIONS, SERVO, Carriage, record
-from backsight.estimation import Free, Problem, Recording
+from backsight.estimation import Free, Problem, Recording, Weights
 from backsight.estimation.diagnosis import Diagnosis, diagnose
 from backsight.models import Model, compile_model
 from backsight.models.errors import InputError
@@ -195,6 +195,27 @@ def test_two_parameters_that_nobody_can_tell_apart_do_not_hide_what_is_missing()
     assert any("friction.d and seal.d apart" in note and "seal.d = 20 ± 20 N.s/m" in note for note in d.notes)
 
 
+@pytest.mark.parametrize(
+    "supposed",
+    [
+        {"weights": Weights(V={"F": 0.5})},
+        {"parameters": {"offset.f": Free(0.0, per_recording=True)}},
+        {"parameters": {"offset.f": Free(0.0, drift=0.1)}},
+        {"weights": Weights(W={"kinematics:carriage.s": 1e-5, "carriage": 0.1})},
+    ],
+    ids=["noise of the input", "an offset of every recording", "an offset that drifts", "kinematics that do not hold"],
+)
+def test_what_a_problem_supposes_beyond_its_model_is_no_obstacle(supposed):
+    """Two recordings of the axis with friction concealed; each supposition is one that the smoother has."""
+    first, second = case(f_c=20.0), case(seed=2, f_c=20.0)
+    both = [first.recordings[0], replace(second.recordings[0], name="second")]
+    parameters = {**first.parameters, **supposed.get("parameters", {})}
+    d = diagnose(replace(first, recordings=both, parameters=parameters, weights=supposed.get("weights", Weights())), jobs=1)
+    assert d.verdict == "missing_physics"
+    assert d.findings[0].explanation.words == "coulomb friction at carriage"
+    assert d.findings[0].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.03)
+
+
 def test_a_model_whose_states_nobody_can_tell_is_left_undecided():
     """Two masses on a line of which only the force between them is measured: nothing says where they are, or how fast."""
     parts = {"motor": Force(), "one": Mass(m=2.0), "gauge": ForceSensor(), "spring": SpringDamper(k=800.0, d=4.0), "two": Mass(m=3.0)}
@@ -209,7 +230,9 @@ def test_a_model_whose_states_nobody_can_tell_is_left_undecided():
     time, rng = np.arange(0.0, 3.0, 5e-3), np.random.default_rng(4)
     F = 10.0 * np.sign(np.sin(5.0 * time))
     truth = simulate(compile_model(model), time, {"F": F}).outputs["f"]
-    run = Recording(name="run", time=time, inputs={"F": F}, outputs={"f": truth + 0.05 * rng.normal(size=time.size)}, output_std={"f": 0.05})
+    run = Recording(
+        name="run", time=time, inputs={"F": F}, outputs={"f": truth + 0.05 * rng.normal(size=time.size)}, output_std={"f": 0.05}
+    )
     d = diagnose(Problem(model=model, recordings=[run], parameters={"one.m": Free(1.5)}), jobs=1)
     assert d.verdict == "undecided"
     assert any(note.startswith("No models were compared") for note in d.notes)
