@@ -18,7 +18,7 @@ import numpy as np
 from backsight.models import Dae, Model, ParameterInfo, compile_model
 from backsight.models.augmentation.extension import extended
 from backsight.models.dae import Quantity
-from backsight.models.errors import ModelError
+from backsight.models.errors import InputError, ModelError
 from backsight.ocp import Horizon, Solution
 
 from ..problem import Problem
@@ -111,7 +111,7 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
             for c in some:
                 edited = c.edited(edited)
             dae = _as_posed(problem, with_those_of(problem, compile_model(edited, places=_extra(problem, model))))
-        except ModelError:
+        except (ModelError, InputError):  # what the problem names may be gone
             return None
         return dae if [q.name for q in dae.states] == own else None
 
@@ -125,7 +125,7 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
 
 def _as_posed(problem: Problem, dae: Dae) -> Dae:
     """A larger model with all that the problem supposes beyond its own: coloured forces, noisy inputs, drifts, parameters of recordings."""
-    return replace(problem, model=dae).posed.dae
+    return replace(problem, model=dae, parameters=problem.varying).posed.dae
 
 
 def _extra(problem: Problem, model: Model) -> list[str]:
