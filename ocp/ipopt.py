@@ -123,8 +123,8 @@ class Solver:
             "mumps_pivot_order": 5 if self.nlp.constraint_count else 7,
         }
         if arrived:  # a barrier would only lead away from there and back
-            ipopt |= {"warm_start_init_point": "yes", "mu_init": 1e-9, "warm_start_bound_push": 1e-8, "warm_start_bound_frac": 1e-8}
-            ipopt |= {"warm_start_mult_bound_push": 1e-12}
+            ipopt |= {"warm_start_init_point": "yes", "mu_init": 1e-9, "warm_start_mult_bound_push": 1e-12}
+            ipopt |= {f"warm_start_{name}": ipopt[name] for name in ("bound_push", "bound_frac")}
         options = {
             "ipopt": ipopt,
             "print_time": False,

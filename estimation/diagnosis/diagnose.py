@@ -12,8 +12,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from backsight.models import Model
 from backsight.models.errors import InputError, SolveError
 from backsight.ocp import Options
@@ -31,7 +29,7 @@ from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
-from .refit import HELD, QUICKLY, evidence
+from .refit import HELD, QUICKLY, comparable
 from .search import Progress, Search
 from .sizes_known import with_sizes_known
 from .verdict import Diagnosis
@@ -152,7 +150,7 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
         if result is not None and result.solver.converged:
             return result, fits
         status = status if result is None else result.solver.status.rstrip(".")
-        if result is not None and not way.weigh and np.isfinite(evidence(problem, result, ended=False)):
+        if result is not None and not way.weigh and comparable(problem, result):
             near = result
     if near is not None:
         return near, HELD

@@ -85,6 +85,11 @@ def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> floa
     return total + counted_out(result)[0]
 
 
+def comparable(problem: Problem, result: Smoothing) -> bool:
+    """Whether a result has an evidence that others can be held against, come to rest or not."""
+    return bool(np.isfinite(evidence(problem, result, ended=False)))
+
+
 def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[str, float]) -> tuple[Problem, Model]:
     """The problem with a candidate in its model. start: parameter -> where it begins."""
     edited = candidate.edited(model)

@@ -29,7 +29,7 @@ from .held import rescaled
 from .keep import Keep
 from .library import library
 from .offsets import PREFIX, counted_out, without_idle
-from .refit import QUICKLY, Fitted, begun, evidence, fitted_there, hidden, settled, with_weights_of
+from .refit import QUICKLY, Fitted, begun, comparable, evidence, fitted_there, hidden, settled, with_weights_of
 from .regimes import dated, late, moved, onset
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -101,7 +101,7 @@ class Search:
         Where weights are held they come from the data as soon as the model bears it: evidences at held weights find what leads most of the
         forces astray, but what is left of them then they take for an effect too. A model that has none at held weights is weighed at once.
         """
-        tried, more = not self.settings.weigh and not np.isfinite(evidence(self.problem, self.result, ended=False)), True
+        tried, more = not self.settings.weigh and not comparable(self.problem, self.result), True
         if tried:
             self._weighed()
         self._as_fits_are()

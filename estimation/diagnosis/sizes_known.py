@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..problem import Free, Problem
 from ..results import Smoothing
 from ..wording import listed
-from .refit import evidence
+from .refit import comparable
 
 NOTE = (
     "The recordings do not tell {names} apart. So that models can be compared each was taken to be known to within its own size: {known}. "
@@ -23,7 +21,7 @@ def with_sizes_known(problem: Problem, result: Smoothing) -> tuple[Problem, str]
     The problem itself and no note where there are none, or models can be compared as they are. A guess of 0 has the nominal size. What the
     recordings tell stays as it was: of a sum that is sharp, a std as large as its parts says nothing.
     """
-    if np.isfinite(evidence(problem, result, ended=False)):
+    if comparable(problem, result):
         return problem, ""
     info, parameters, said = {p.name: p for p in problem.dae.parameters}, dict(problem.parameters), list[str]()
     for name, given in problem.parameters.items():
