@@ -156,6 +156,11 @@ class Dae:
         found = {e.place: row for row, e in enumerate(self.equations) if e.place is not None}
         return [found[k] for k in places]
 
+    def balances_of(self, places: Sequence[int]) -> list[int]:
+        """Rows of the residual in which the forces of these places stand, in their order: of a coloured one not the row that shapes it."""
+        shaped = {e.shaped: row for row, e in enumerate(self.equations) if e.shaped is not None}
+        return [shaped.get(k, row) for k, row in zip(places, self.rows_of(places), strict=True)]
+
     def parameter_values(self, overrides: Mapping[str, float] | None = None) -> list[float]:
         """The values of p in order: defaults, replaced by `overrides`."""
         given = dict(overrides or {})

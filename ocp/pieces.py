@@ -79,9 +79,8 @@ class Pieces:
 
         A coloured force enters its balance as a state: the accelerations stand there, not in the row that shapes it.
         """
-        dae, rows = self.dae, self.rows_of(self.soft)
-        shaped = {e.shaped: row for row, e in enumerate(dae.equations) if e.shaped is not None}
-        inertial = dae.residual[[shaped.get(k, row) for k, row in zip(self.soft, rows, strict=True)]]
+        dae = self.dae
+        inertial = dae.residual[dae.balances_of(self.soft)]
         positions = {i for i, _, _ in dae.kinematics}
         pattern = ca.jacobian_sparsity(inertial, dae.dx)
         entries = [(r, i) for r, i in zip(pattern.row(), pattern.get_col(), strict=True) if i not in positions]

@@ -16,6 +16,8 @@ polynomials of degree K - 1, whose moments are exactly those of the steps, where
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from backsight.models import Dae
@@ -37,6 +39,12 @@ def pairs(dae: Dae) -> tuple[tuple[int, int, int], ...]:
     return tuple(chosen)
 
 
+def rows(dae: Dae, places: Sequence[int]) -> tuple[list[int], list[int]]:
+    """Rows of the residual whose moments are in the cost, with residual forces of these places, and of which they are constraints."""
+    soft, identities = dae.rows_of(places), {row for _, _, row in pairs(dae)}
+    return soft, [row for row in range(dae.residual.shape[0]) if row not in identities and row not in soft]
+
+
 def interpolation(dae: Dae, degree: int, forces: int) -> Interpolation:
     """Splines for every variable; residual forces are not unknowns but what the balances leave over."""
     del forces
@@ -45,16 +53,15 @@ def interpolation(dae: Dae, degree: int, forces: int) -> Interpolation:
 
 def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
     """Moments of the balances with a residual force (cost) and of all other equations (constraints)."""
-    dae, soft = pieces.dae, pieces.rows_of(pieces.soft)
-    identities = {row for _, _, row in pairs(dae)}
-    hard = [row for row in range(dae.residual.shape[0]) if row not in identities and row not in soft]
+    dae = pieces.dae
+    soft, hard = rows(dae, pieces.soft)
     steps, (places, weights) = pieces.steps(), gauss(degree + 1)
     moments = (weights * legendre(degree, places)).T
     data = np.hstack([h.point_data(degree, places) for h in pieces.horizons])
     terms = []
-    for name, rows, scale in (("balances", soft, 1.0 / std), ("equations", hard, np.ones(len(hard)))):
-        if rows:
-            expression = pieces.balances() if name == "balances" else dae.residual[rows]
+    for name, some, scale in (("balances", soft, 1.0 / std), ("equations", hard, np.ones(len(hard)))):
+        if some:
+            expression = pieces.balances() if name == "balances" else dae.residual[some]
             terms.append(
                 Term(
                     name=name,
@@ -63,7 +70,7 @@ def dynamics(pieces: Pieces, degree: int, std: Array) -> list[Term]:
                     nodes=places,
                     moments=moments,
                     data=stacked(data, len(steps)),
-                    target=np.zeros((degree * len(rows), len(steps))),
+                    target=np.zeros((degree * len(some), len(steps))),
                     scale=np.tile(scale, degree)[:, None] * np.sqrt(steps),
                     equality=name == "equations",
                     heavy=name == "balances",

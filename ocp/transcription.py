@@ -61,6 +61,16 @@ class Transcription:
         """Name of the term that weighs the residual forces."""
         return "balances" if self.method == "spline" else "residual forces"
 
+    def mean_forces(self, rows: Mapping[str, Array]) -> Array:
+        """Of every soft place what moments add to its mean force in every interval, (n_soft, N); rows: of a spline's terms, by their names.
+
+        The forces at a coloured place stand among the constraints.
+        """
+        soft, hard = spline.rows(self.dae, self.soft)
+        at = {row: ("balances", i) for i, row in enumerate(soft)} | {row: ("equations", i) for i, row in enumerate(hard)}
+        places = [at[row] for row in self.dae.balances_of(self.soft)]
+        return np.array([rows[name][i] for name, i in places]).reshape(len(self.soft), len(self.nlp.steps))
+
     def force_std_at(self, values: Values) -> Array:
         """Standard deviations of the soft places' residual forces in every interval with other numbers in the program, (n_soft, N)."""
         n = len(self.soft)

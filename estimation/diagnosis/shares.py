@@ -47,22 +47,17 @@ class Sizes:
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
-        t = self.solution.transcription
+        t, values = self.solution.transcription, self.solution.values
         moved = look.columns.multiplied @ estimate * self.base.sizes
-        first, found = 0, dict[str, float]()
-        for term in t.nlp.terms:
-            if not (term.equality or term.heavy):
-                continue
-            size = term.target.size
-            if term.name == t.force_term:
-                std = t.force_std_at(self.solution.values)
-                rows = moved[first : first + size].reshape(-1, term.target.shape[0]).T[: len(self.names)]
-                mean = rows * std / np.sqrt(t.nlp.steps)
-                moving = ~near_rest(std)
-                for name, force, there in zip(self.names, mean, moving, strict=True):
-                    use = there if there.any() else np.ones_like(there)
-                    found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.varying[name]
-            first += size
+        first, rows, found = 0, dict[str, Array](), dict[str, float]()
+        for term, scale in zip(t.nlp.terms, values.scale, strict=True):
+            if term.equality or term.heavy:
+                rows[term.name] = moved[first : first + term.target.size].reshape(-1, term.target.shape[0]).T / scale
+                first += term.target.size
+        moving = ~near_rest(t.force_std_at(values))
+        for name, force, there in zip(self.names, t.mean_forces(rows), moving, strict=True):
+            use = there if there.any() else np.ones_like(there)
+            found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.varying[name]
         return found
 
 

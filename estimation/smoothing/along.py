@@ -35,8 +35,9 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
     weight that hangs in the air is nothing.
     """
     dae = problem.dae
-    rows = {int(e.place): r for r, e in enumerate(dae.equations) if e.place is not None}
-    F = dae.undisturbed(dae.residual[list(rows.values())])
+    places = [int(e.place) for e in dae.equations if e.place is not None]
+    rows = dae.balances_of(places)
+    F = dae.undisturbed(dae.residual[rows])
     acting = ca.vertcat(dae.dx, dae.z, dae.u, dae.p)
     told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
     parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
@@ -49,7 +50,7 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
     values = np.hstack(found)
     mean = np.nanmean(values, axis=1, keepdims=True) if varying else 0.0
     size = np.sqrt(np.nanmean((values - mean) ** 2, axis=1)).reshape(-1, len(rows)).max(axis=0, initial=0.0)
-    return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(rows, size, strict=True)}
+    return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(places, size, strict=True)}
 
 
 def rms(r: Array) -> Array:

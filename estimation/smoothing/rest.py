@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_propagation
 
+from backsight.models import Dae
 from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
@@ -64,7 +65,8 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
         others = [i for i in fixed if i != index]
         slope = ca.substitute(slope, ca.vertcat(*(dae.p[i] for i in others)), numbers[others]) if others else slope
         rows = [r for r in range(slope.shape[0]) if not ca.simplify(slope[r]).is_zero()]
-        places = tuple(int(e.place) for r, e in enumerate(dae.equations) if r in rows and e.place is not None)
+        carried = [e.place if e.shaped is None else e.shaped for r, e in enumerate(dae.equations) if r in rows]
+        places = tuple(int(k) for k in carried if k is not None)
         velocity = velocity_of(dae, component, index, slope) if places else None
         if velocity is not None:
             laws.append(FrictionLaw(width=index, velocity=velocity, places=places))
@@ -131,8 +133,8 @@ def open_at_rest(
 ) -> Array:
     """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
 
-    A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h). An
-    interval is near rest when the velocity of a law falls below its own change over the interval, or below NEAR widths; and from there on
+    A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h), or what
+    brings a coloured force there within it. An interval is near rest when the velocity of a law falls below its own change over the interval, or below NEAR widths; and from there on
     as long as it cannot be told from zero: while a body stands still, its estimated velocity is noise, of which the law would make
     forces of either sign.
 
@@ -152,7 +154,7 @@ def open_at_rest(
             near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt))
             for place, f in zip(law.places, strength, strict=True):
                 if place in soft:
-                    part[soft.index(place), near] += max(f, TINY) * np.sqrt(np.diff(own))[near]
+                    part[soft.index(place), near] += max(f, TINY) * std_of_one(problem.dae, place, np.diff(own))[near]
         parts.append(part)
     return np.hstack(parts)
 
@@ -180,7 +182,8 @@ def strengths_at_rest(solution: Solution) -> dict[str, float]:
     """
     t = solution.transcription
     std = t.force_std_at(solution.values)
-    beyond = np.sqrt(np.maximum(std**2 - std.min(axis=1, keepdims=True, initial=np.inf) ** 2, 0.0) / t.nlp.steps) * near_rest(std)
+    one = np.array([std_of_one(t.dae, k, t.nlp.steps) for k in t.soft]).reshape(std.shape)
+    beyond = np.sqrt(np.maximum(std**2 - std.min(axis=1, keepdims=True, initial=np.inf) ** 2, 0.0)) / one * near_rest(std)
     found = zip(t.soft, beyond.max(axis=1, initial=0.0).tolist(), strict=True)
     return {t.dae.places[k].name: strength for k, strength in found if strength > 0}
 
@@ -192,6 +195,20 @@ def _velocity_std(problem: Problem, law: FrictionLaw, followed: Followed, number
     dae = problem.dae
     slope = ca.jacobian(dae.variables[law.velocity], ca.vertcat(dae.dx, dae.x, dae.z)).T
     return followed.spread(number, times, along(dae, slope, followed, number, times, parameters))
+
+
+def std_of_one(dae: Dae, place: int, steps: Array) -> Array:
+    """Standard deviation of the white noise in a place's row that brings a force of one within intervals of these lengths h, (N,).
+
+    A white force is that noise: sqrt(h). A coloured one is shaped from it by c f' + .. = w or c f'' + .. = w: c h^-1/2, c h^-3/2.
+    """
+    balance, row = dae.balances_of([place])[0], dae.rows_of([place])[0]
+    if row == balance:
+        return np.asarray(np.sqrt(steps))
+    slope = ca.jacobian(dae.residual[row], dae.dx)
+    (state,) = slope.sparsity().get_col()
+    order = 2 if state in {j for _, j, _ in dae.kinematics} else 1
+    return np.asarray(float(ca.evalf(slope[state])) * steps ** (0.5 - order))
 
 
 def with_room(force_std: Array, at_rest: Array) -> Array:
@@ -221,7 +238,7 @@ def rows_near_rest(solution: Solution, number: int) -> dict[int, Room]:
 def _strengths(problem: Problem, law: FrictionLaw, followed: Followed, parameters: Array) -> list[float]:
     """Largest force of a law on each of its places: what the balance loses when the sign is rounded away altogether."""
     dae = problem.dae
-    F = dae.residual[dae.rows_of(law.places)]
+    F = dae.residual[dae.balances_of(law.places)]
     rms = rms_velocity(problem, law, followed, parameters) or 1.0
     largest = np.zeros(len(law.places))
     for number, horizon in enumerate(followed.horizons):

@@ -2,6 +2,8 @@
 
     std of V = rms of the reading,     std of W = rms of the largest force at the place * sqrt(sampling interval)
 
+(of a coloured force, whose std is its own rms, without the root).
+
 A start where nothing else is known, and nothing more: it says how large the quantities are, and not how wrong.
 """
 
@@ -35,7 +37,7 @@ def magnitudes(turned: Turned, problem: Problem, force: dict[str, float]) -> Arr
             y = np.concatenate([(r.inputs if weight.measured_input else r.outputs).get(weight.name, np.empty(0)) for r in fitted])
             size = float(np.sqrt(np.nanmean(y**2)))
         elif weight.kind == "W":
-            size = force.get(weight.name, np.nan) * step**0.5
+            size = force.get(weight.name, np.nan) * (1.0 if weight.row in turned.coloured else step**0.5)
         else:
             size = np.nan
         if np.isfinite(size) and size > 0:

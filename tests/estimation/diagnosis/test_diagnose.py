@@ -202,8 +202,9 @@ def test_two_parameters_that_nobody_can_tell_apart_do_not_hide_what_is_missing()
         {"parameters": {"offset.f": Free(0.0, per_recording=True)}},
         {"parameters": {"offset.f": Free(0.0, drift=0.1)}},
         {"weights": Weights(W={"kinematics:carriage.s": 1e-5, "carriage": 0.1})},
+        {"weights": Weights(W={"carriage": 1.0}, tau={"carriage": 0.05})},
     ],
-    ids=["noise of the input", "an offset of every recording", "an offset that drifts", "kinematics that do not hold"],
+    ids=["noise of the input", "an offset of every recording", "an offset that drifts", "kinematics that do not hold", "a coloured force"],
 )
 def test_what_a_problem_supposes_beyond_its_model_is_no_obstacle(supposed):
     """Two recordings of the axis with friction concealed; each supposition is one that the smoother has."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from concealed_axis import posed, run, smoothed
 
-from backsight.estimation import smooth
+from backsight.estimation import Weights, smooth
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
@@ -40,6 +42,26 @@ def test_the_share_of_an_effect_is_its_rms_force_over_that(axis, physics, of):
     look = next(look for look in looks if look.candidate.key == ("carriage", physics))
     force = of(made.truth["carriage.s"], made.truth["carriage.v"])
     assert sizes.shares(look, np.array([7.0])) == {"carriage": pytest.approx(7.0 * rms(force) / sizes.forces["carriage"], rel=0.03)}
+
+
+@pytest.mark.parametrize("kind", ["ou", "matern"])
+def test_sizes_are_the_same_where_the_residual_force_has_a_memory(axis, kind):
+    """Its own row has the white noise behind it: forces and effects stand in another one."""
+    made, plain, *_ = axis
+    problem = posed(made)
+    problem = replace(problem, weights=Weights(W={"carriage": 1.0}, tau={"carriage": 0.05}, kind={"carriage": kind}))
+    result = smooth(problem)
+    base = Linearised(result.solution)
+    sizes = Sizes(problem, result, base)
+    assert sizes.forces == {"carriage": pytest.approx(plain.forces["carriage"], rel=0.02)}
+    assert sizes.left["carriage"] < FLOOR
+    look = next(
+        look
+        for look in looked_at(problem, problem.model, base, library(problem, problem.model, result.solution))
+        if look.candidate.key == ("carriage", "quadratic_drag")
+    )
+    v = made.truth["carriage.v"]
+    assert sizes.shares(look, np.array([7.0])) == {"carriage": pytest.approx(7.0 * rms(v * v) / sizes.forces["carriage"], rel=0.03)}
 
 
 def test_a_sensor_fault_is_no_force(axis):

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
-from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.law_velocity import velocity_of
 from backsight.estimation.smoothing.program import Settings
-from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding, strengths_at_rest
+from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding, std_of_one, strengths_at_rest
 from backsight.models import Model, Parameter, Variable, compile_model, equal, law
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalElement, RotationalFixed, Torque
 from backsight.models.mechanics.spatial import QuadraticDrag
@@ -214,6 +214,39 @@ def test_what_begins_at_a_solution_has_its_room_near_rest():
     less = Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": Free(8.0)})
     again = smooth(less, begin=first, settings=Settings(check_mesh=False)).solution
     assert strengths_at_rest(again)["carriage"] == pytest.approx(strength, rel=1e-6)
+
+
+COLOURS = pytest.mark.parametrize("kind", ["ou", "matern"])
+
+
+@COLOURS
+def test_a_coloured_force_is_let_go_as_far_as_the_law_is_strong(kind):
+    """What the white noise that shapes it makes of it within an interval, by fine explicit steps from nothing."""
+    weights, tau, rng = Weights(W={"carriage": 1.0}, tau={"carriage": 0.05}, kind={"carriage": kind}), 0.05, np.random.default_rng(3)
+    dae = Problem(model=DAE, recordings=[dwelling(1)[0]], parameters=FREE, weights=weights).posed.dae
+    (std,) = std_of_one(dae, 0, np.array([STEP]))
+    fine, lam = 200, np.sqrt(3.0) / tau
+    w = std * rng.standard_normal((fine, 4000)) * np.sqrt(fine / STEP)
+    f = g = np.zeros(4000)
+    for noise in w:
+        if kind == "ou":
+            f = f + STEP / fine * (noise / np.sqrt(tau / 2) - f / tau)
+        else:
+            f, g = f + STEP / fine * g, g + STEP / fine * (2 * lam**1.5 * noise - 2 * lam * g - lam**2 * f)
+    assert 0.5 < np.std(f) < 1.05
+    np.testing.assert_allclose(std_of_one(DAE, 0, np.array([STEP])), np.sqrt(STEP))  # a white one is that noise, whose mean counts
+
+
+@COLOURS
+def test_parameters_stay_right_beside_a_coloured_force_though_the_axis_stands_still(kind):
+    recording, _ = dwelling(0)
+    weights = Weights(W={"carriage": 0.3}, tau={"carriage": 0.05}, kind={"carriage": kind})
+    result = smooth(Problem(model=DAE, recordings=[recording], parameters=FREE, weights=weights))
+    (strength,) = strengths_at_rest(result.solution).values()
+    assert strength == pytest.approx(BODY.f_c, rel=0.3)
+    for name, true in (("carriage.m", BODY.m), ("friction.d", BODY.d), ("friction.f_c", BODY.f_c), ("offset.f", OFFSET)):
+        assert abs(result.parameters[name].value - true) < 3 * result.parameters[name].std, name
+    assert 0.1 < result.residual_places["carriage"].rest_share < 0.4
 
 
 def test_a_component_without_variables_of_its_own_has_no_velocity():
