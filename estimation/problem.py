@@ -139,6 +139,9 @@ class Problem:
     weights: Weights = field(default_factory=Weights)
     initial: Mapping[str, float | Known] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    declared: Model | Dae | None = field(
+        default=None, init=False, repr=False, compare=False
+    )  # the model without delays that were asked for
 
     def __post_init__(self) -> None:
         self._check_kinds()
@@ -146,7 +149,7 @@ class Problem:
         if open_delays:
             model, recordings = with_delays(self.dae, self.recordings)
             parameters = {**{delay_name(name): Free(0.0, min=0.0) for name in open_delays}, **self.parameters}
-            self.__dict__.update(model=model, recordings=recordings, parameters=parameters, dae=model)
+            self.__dict__.update(declared=self.model, model=model, recordings=recordings, parameters=parameters, dae=model)
         dae = self.dae
         _check("parameters", self.parameters, [p.name for p in dae.parameters], "parameter", dae)
         places = [p.name for p in dae.places]

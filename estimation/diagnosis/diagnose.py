@@ -23,6 +23,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
+from .delays import without_delays
 from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
@@ -61,6 +62,7 @@ def diagnose(
     model is not made of components.
     """
     began, end, say = time.perf_counter(), time.time() + seconds, progress or (lambda _: None)
+    problem, late = without_delays(problem)
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
@@ -91,7 +93,7 @@ def diagnose(
     if straight and search.held is None:
         straight, first = "", as_said[0]
     verdict, first = search.verdict(), without_offsets(first)
-    notes = [said for said in (split, straight, open_ones) if said]
+    notes = [said for said in (late, split, straight, open_ones) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])

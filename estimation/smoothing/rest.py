@@ -134,9 +134,9 @@ def open_at_rest(
     """Standard deviations of residual forces in intervals near rest that leave a law's whole strength open, 0 elsewhere; (n_soft, N).
 
     A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h), or what
-    brings a coloured force there within it. An interval is near rest when the velocity of a law falls below its own change over the interval, or below NEAR widths; and from there on
-    as long as it cannot be told from zero: while a body stands still, its estimated velocity is noise, of which the law would make
-    forces of either sign.
+    brings a coloured force there within it. An interval is near rest when the velocity of a law falls below its own change over the
+    interval, or below NEAR widths; and from there on as long as it cannot be told from zero: while a body stands still, its estimated
+    velocity is noise, of which the law would make forces of either sign.
 
     known: place -> strength of its laws together, where that is not to be theirs (`strengths_at_rest`).
     """

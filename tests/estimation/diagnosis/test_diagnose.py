@@ -217,6 +217,33 @@ def test_what_a_problem_supposes_beyond_its_model_is_no_obstacle(supposed):
     assert d.findings[0].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.03)
 
 
+@pytest.mark.slow
+def test_a_delay_that_is_to_be_estimated_is_one_of_the_things_looked_for():
+    """Friction concealed, and an encoder that lags by a row and a half; the study asks for its delay."""
+    made = case(f_c=20.0)
+    (axis,) = made.recordings
+    late = np.interp(axis.time - 1.5 * STEP, axis.time, axis.outputs["x"])
+    asked = replace(axis, outputs={"x": late}, open_delays=("x",))
+    d = diagnose(replace(made, recordings=[asked]), jobs=1)
+    found = {f.explanation.physics: f.explanation.parameters for f in d.findings}
+    assert found["coulomb_friction"]["f_c"].value == pytest.approx(20.0, rel=0.03)
+    (delay,) = (p["delay"].value for physics, p in found.items() if physics.endswith("_delay"))
+    assert delay == pytest.approx(1.5 * STEP, rel=0.02)
+    assert any("delay of x was not estimated beforehand" in note for note in d.notes)
+
+
+def test_a_delay_that_is_given_stays():
+    made = case(f_c=20.0)
+    (axis,) = made.recordings
+    late = np.interp(axis.time - 2 * STEP, axis.time, axis.outputs["x"])
+    asked = replace(
+        made, recordings=[replace(axis, outputs={"x": late}, open_delays=("x",))], parameters={**made.parameters, "delay:x": 2 * STEP}
+    )
+    d = diagnose(asked, jobs=1)
+    assert [f.explanation.words for f in d.findings] == ["coulomb friction at carriage"]
+    assert not any("delay" in note for note in d.notes)
+
+
 def test_a_model_whose_states_nobody_can_tell_is_left_undecided():
     """Two masses on a line of which only the force between them is measured: nothing says where they are, or how fast."""
     parts = {"motor": Force(), "one": Mass(m=2.0), "gauge": ForceSensor(), "spring": SpringDamper(k=800.0, d=4.0), "two": Mass(m=3.0)}
