@@ -232,7 +232,8 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
         shapes=shapes,
         quadrature=f"{name}.{law.quadrature}" if law.quadrature else None,
         start={path: (grid[0] if grid else 1.0, declared[path.rpartition(".")[2]].min, inf) for path, grid in shapes.items()}
-        | ({f"{name}.{law.quadrature}": (0.0, -3 * pi, 3 * pi)} if law.quadrature else {}),
+        | ({f"{name}.{law.quadrature}": (0.0, -3 * pi, 3 * pi)} if law.quadrature else {})
+        | ({f"{name}.{law.ratio}": (0.5, 0.0, 1.0)} if law.ratio else {}),
         absorbs=absorbed,
         ratio=f"{name}.{law.ratio}" if law.ratio else None,
         wave=_wave(law, spot),

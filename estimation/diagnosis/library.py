@@ -214,8 +214,9 @@ class _Motions:
             return ()
         number = max(range(len(t.horizons)), key=lambda n: len(t.horizons[n].time))
         times = (t.horizons[number].time[1:] + t.horizons[number].time[:-1]) / 2
-        wanted = ca.vertcat(position, t.dae.undisturbed(t.dae.residual[t.dae.rows_of([k])]))
-        where, force = along(t.dae, wanted, self._followed, number, times, self._solution.parameters)
+        with_memory = t.dae.variables.get(f"residual.{place}")  # of a coloured force its row has only the noise
+        left = t.dae.undisturbed(t.dae.residual[t.dae.rows_of([k])]) if with_memory is None else with_memory
+        where, force = along(t.dae, ca.vertcat(position, left), self._followed, number, times, self._solution.parameters)
         told = np.isfinite(where) & np.isfinite(force)
         return fine_periods(where[told], force[told], FINEST) if told.sum() > 1 else ()
 

@@ -1,4 +1,4 @@
-"""How estimates move with their weights: from the KKT conditions, and by solving again: `python tests/studies/sensitivities.py [plant ...]`.
+"""How estimates move with their weights, from the KKT conditions and by solving again: `python tests/studies/sensitivities.py [plant ..]`.
 
 A machine of `coverage.py` is smoothed. Every weight in turn is made a little larger and smaller, and the program solved to its last digits;
 printed is the difference of the two derivatives over their size, of all unknowns in their scaled units and of the parameters, by the step

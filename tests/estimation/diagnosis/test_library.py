@@ -32,6 +32,13 @@ def test_every_fault_and_law_that_an_axis_can_have_is_there(axis):
     assert expected <= there
 
 
+def test_all_that_is_told_of_a_law_is_estimated(axis):
+    """A number of the library's own would be told as one of the machine's."""
+    *_, found = axis
+    laws = [c for c in found if not c.signals]
+    assert {c.key: set(c.named.values()) - {*c.strengths, *c.start} for c in laws} == {c.key: set() for c in laws}
+
+
 def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
     made = run(0.3)
     for given, suspects in ((Free(90.0), set()), (90.0, {"carriage.m"})):
