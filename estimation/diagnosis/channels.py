@@ -30,6 +30,7 @@ LIMITS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the largest input: wher
 ZONES = (0.003, 0.01, 0.03, 0.06, 0.1, 0.2)  # of the rms input: where it may have no effect
 GAINS = (0.2, 5.0)
 TURN = 0.5  # rad: a sensor that is turned further is mounted otherwise
+OFF_CENTRE = 0.3  # of a disk's or a wheel's radius: an axis that is further off is another machine's
 
 
 def lagged(time: Array, values: Array, tau: float, held: bool = True) -> Array:
@@ -108,7 +109,7 @@ class _Channel:
             physics="eccentricity",
             strengths=(path,),
             quadrature=phase,
-            start={phase: (0.0, -3 * np.pi, 3 * np.pi)},
+            start={path: (0.0, -OFF_CENTRE, OFF_CENTRE), phase: (0.0, -3 * np.pi, 3 * np.pi)},
             named={"amplitude": path, "phase": phase},
         )
 

@@ -124,8 +124,10 @@ def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:
 def beyond(s: Screened) -> bool:
     """Whether a strength would have to be where it cannot be: a sensor that reads six times what there is."""
     c = s.candidate
-    if c.signals or c.quadrature:
+    if c.signals:
         return False
+    if c.quadrature:
+        return float(np.hypot(*np.split(s.estimate, 2))[0]) > c.start.get(c.strengths[0], (0.0, -inf, inf))[2]
     for name, a in zip(c.strengths, s.estimate.tolist(), strict=True):
         _, low, high = c.start.get(name, (0.0, -inf, inf))
         if not low <= c.neutral(name) + a <= high:

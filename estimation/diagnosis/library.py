@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import casadi as ca
@@ -19,7 +20,7 @@ from ..smoothing.begun import followed_by
 from ..smoothing.rest import friction_laws, rounding
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate, Exchange
-from .channels import of_alike, of_input, of_sensor
+from .channels import OFF_CENTRE, of_alike, of_input, of_sensor
 from .couplings import of_coupling, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, of_law
@@ -55,7 +56,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN]
             found += of_coupling(model, spot, motion, _masses(values)) + of_soft(model, spot, motion, _masses(values), values)
-    found += _kinematic(model) + of_frames(model, values)
+    found += _kinematic(model, values) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
     duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
@@ -101,8 +102,8 @@ def _masses(values: dict[str, float]) -> dict[str, float]:
     return {name.partition(".")[0]: value for name, value in values.items() if name.partition(".")[2] in ("m", "J")}
 
 
-def _kinematic(model: Model) -> list[Candidate]:
-    """Wheels that are not round."""
+def _kinematic(model: Model, values: Mapping[str, float]) -> list[Candidate]:
+    """Wheels that are not round. values: of the model's parameters."""
     found = []
     for name, component in model.components.items():
         measured = {o.variable.partition(".")[0] for o in model.measured.values()}
@@ -119,6 +120,7 @@ def _kinematic(model: Model) -> list[Candidate]:
             (e.partition(".")[0] for pair in model.connections if f"{name}.wheel" in pair for e in pair if not e.startswith(f"{name}.")),
             name,
         )
+        farthest = OFF_CENTRE * values.get(model.bindings.get(f"{name}.r", f"{name}.r"), inf)
         found.append(
             Candidate(
                 place=drive,
@@ -127,7 +129,7 @@ def _kinematic(model: Model) -> list[Candidate]:
                 edits=(Exchange(name=name, component=wheel),),
                 strengths=(f"{name}.amplitude",),
                 quadrature=f"{name}.phase",
-                start={f"{name}.phase": (0.0, -3 * np.pi, 3 * np.pi)},
+                start={f"{name}.amplitude": (0.0, -farthest, farthest), f"{name}.phase": (0.0, -3 * np.pi, 3 * np.pi)},
                 named={"amplitude": f"{name}.amplitude", "phase": f"{name}.phase"},
             )
         )

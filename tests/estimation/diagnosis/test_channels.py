@@ -163,3 +163,5 @@ def test_an_angle_may_be_read_from_a_disk_that_is_not_centred():
     assert (c.place, c.family) == ("sensor:theta_1", "sensor")
     assert {*c.strengths, c.quadrature} <= {p.name for p in compile_model(c.edited(model)).parameters}
     assert "eccentricity" not in {c.physics for c in of_sensor(model, "theta_1", [], 0.01, 10.0)}
+    _, low, high = c.start[c.strengths[0]]
+    assert -low == high < 0.5  # rad: what turns to and fro by as much is no disk that is hardly off

@@ -98,6 +98,13 @@ def test_a_strength_that_no_part_can_have_explains_nothing(estimate, out):
     assert not beyond(s)  # nothing is said of its limits
 
 
+@pytest.mark.parametrize(("estimate", "out"), [([0.2, -0.2], False), ([0.2, -0.3], True)])
+def test_of_two_quadratures_the_amplitude_is_what_has_a_limit(estimate, out):
+    s = screened("sensor:q", "eccentricity", 50.0, size=2)
+    disk = replace(s.candidate, strengths=("disk.amplitude",), quadrature="disk.phase", start={"disk.amplitude": (0.0, -0.3, 0.3)})
+    assert beyond(replace(s, look=replace(s.look, candidate=disk), estimate=np.array(estimate))) is out
+
+
 @pytest.mark.parametrize(
     ("physics", "share", "is_something"),
     [("sensor_gain", -0.02, True), ("sensor_misalignment", 0.005, False), ("sensor_bias", 0.005, True)],
