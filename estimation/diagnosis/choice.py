@@ -32,6 +32,8 @@ SPREAD, SPREAD_OF_COUPLINGS = 0.3, 0.5  # standard deviation of a strength over 
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
 HOLDING = ("coulomb_friction", "stribeck_friction")
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
+AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
+NEARLY = 0.01  # of that value
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 
@@ -156,17 +158,35 @@ def sound(c: Candidate, f: Fitted) -> bool:
     return max(p.std or 0.0 for p in told) < (SPREAD_OF_COUPLINGS if c.dear else SPREAD) * largest
 
 
-def slight(c: Candidate, f: Fitted, sizes: Sizes) -> bool:
-    """Whether it is play so small that what its coupling bears differently, k gap/2, is less than half of the floor at every place.
+def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
+    """Whether its fit made it so small that its force is less than half of the floor, at every place.
 
-    A play of less than that mends what a mesh of one interval a sample cannot follow.
+    Play by what its coupling bears differently, k gap/2: less than that mends what a mesh of one interval a sample cannot follow. Others
+    by what they were at their score: an effect goes with its one strength, and a dead zone's with its width.
     """
-    if f.result is None or "gap" not in c.named:
+    if f.result is None:
         return False
-    spot = c.named["gap"].rpartition(".")[0]
-    gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
-    known = [size for size in sizes.forces.values() if np.isfinite(size)]
-    return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
+    if "gap" in c.named:
+        spot = c.named["gap"].rpartition(".")[0]
+        gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
+        known = [size for size in sizes.forces.values() if np.isfinite(size)]
+        return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
+    looked_at = _alone(c, s)
+    if s is None or looked_at is None:
+        return False
+    path, there = looked_at
+    share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
+    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < FLOOR / 2 * abs(there)
+
+
+def _alone(c: Candidate, s: Screened | None) -> tuple[str, float] | None:
+    """The one parameter that a force goes with, and what it was at the score; None where there is no such one."""
+    if s is None or c.family == "sensor" or c.absorbs or c.quadrature:
+        return None
+    if c.signals:
+        width = c.named.get("width", "")
+        return (width, s.look.shape[width]) if width in s.look.shape else None
+    return (c.strengths[0], float(s.estimate[0])) if len(c.strengths) == 1 else None
 
 
 def clear(s: Screened | None, gained: float) -> bool:
@@ -193,8 +213,14 @@ def idle(c: Candidate, result: Smoothing) -> bool:
 
     Of couplings, which have no strength, nobody can say.
     """
-    strengths = {n: result.parameters[n] for n in c.strengths if n in result.parameters}
-    if strengths and all(p.on_bound and abs(p.value - c.neutral(n)) <= NOTHING for n, p in strengths.items()):
+    if c.signals:
+        ends = {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
+        near = {path: NEARLY * abs(end) for path, end in ends.items()}
+    else:
+        ends = {n: c.neutral(n) for n in c.strengths}
+        near = dict.fromkeys(ends, NOTHING)
+    there = {n: p for n in ends if (p := result.parameters.get(n)) is not None}
+    if there and all(p.on_bound and abs(p.value - ends[n]) <= near[n] for n, p in there.items()):
         return True
     told = {n: c.neutral(n) for n in c.strengths if n in result.parameters and result.parameters[n].std is not None}
     return bool(told) and more_probable_at(result, told) > -CLEAR

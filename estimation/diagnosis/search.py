@@ -142,7 +142,16 @@ class Search:
             self.problem, self.result, self.held = held, one, None
 
     def _eliminate(self) -> None:
-        """What was found before the last effect and is nothing beside it goes out of the model again."""
+        """What was found before the last effect and is nothing beside it goes out of the model again.
+
+        Where that made a difference, what stayed is asked once more: it may have stood for what is gone.
+        """
+        while self._without_idle_ones():
+            pass
+
+    def _without_idle_ones(self) -> bool:
+        """One turn of that; whether something is gone."""
+        before = len(self.accepted)
         for k in reversed(range(len(self.accepted) - 1)):
             c, rest = self.accepted[k], [*self.accepted[:k], *self.accepted[k + 1 :]]
             if not idle(c, self.result) or (posed := self.bare.having(rest, self.problem, self.result)) is None:
@@ -156,6 +165,7 @@ class Search:
             self.findings = [*self.findings[:k], *self.findings[k + 1 :]]
             self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + gone)
             self.problem, self.model, self.result, self.accepted = problem, model, found, rest
+        return len(self.accepted) < before
 
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
         """Another problem, smoothed as candidates are from where the one that there is came to rest; None where it does not arrive."""
@@ -243,7 +253,7 @@ class Search:
             fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
-        good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f) and not slight(c, f, sizes)]
+        good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f) and not slight(c, s, f, sizes)]
         if not good and (constant := steady(self.result, candidates, sizes)):
             last = self._fits([(c, None) for c in constant])
             now += counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]

@@ -12,7 +12,7 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.candidates import Candidate, Signal
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
     beyond,
@@ -20,6 +20,7 @@ from backsight.estimation.diagnosis.choice import (
     coloured,
     evened,
     held_unseen,
+    idle,
     matters,
     simpler_there,
     simplest,
@@ -169,7 +170,44 @@ def test_play_that_hardly_unloads_its_shaft_is_none(gap, is_nothing):
     told = {name: SimpleNamespace(name=name, value=value) for name, value in (("shaft.gap", gap), ("shaft.k", 60.0))}
     c = Candidate(place="shaft", family="transmission", physics="backlash", start={"shaft.gap": (gap, 0, 1)}, named={"gap": "shaft.gap"})
     sizes = SimpleNamespace(forces={"motor": 2.5, "load": 2.5})
-    assert slight(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
+    assert slight(c, None, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
+
+
+@pytest.mark.parametrize(("value", "is_nothing"), [(0.1, True), (1.2, False), (-1.2, False)])
+@pytest.mark.parametrize("physics", ["viscous_friction", "input_dead_zone"])
+def test_what_its_fit_leaves_hardly_anything_of_is_none(physics, value, is_nothing):
+    """At its score, with 2 of the strength, it was 1 % of the forces."""
+    zone = physics == "input_dead_zone"
+    s = screened("carriage", physics, 50.0)
+    path = "zone.width" if zone else s.candidate.strengths[0]
+    more = (
+        {"signals": (Signal(of=("input:F",), changed=np.add, start={path: 2.0}),), "named": {"width": path}, "strengths": ()}
+        if zone
+        else {}
+    )
+    c = replace(s.candidate, **more)
+    s = replace(s, look=replace(s.look, candidate=c, shape={path: 2.0} if zone else {}), estimate=np.array([0.7 if zone else 2.0]))
+    sizes = SimpleNamespace(shares=lambda _, strength: {"carriage": 0.01 * float(strength[0]) / (1.0 if zone else 2.0)})
+    told = {path: SimpleNamespace(name=path, value=abs(value) if zone else value)}
+    assert slight(c, s, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
+
+
+@pytest.mark.parametrize(
+    ("word", "value", "on_bound", "out"),
+    [
+        ("width", 0.002, True, True),
+        ("width", 0.002, False, False),
+        ("width", 9.0, True, False),
+        ("limit", 9.0, True, True),
+        ("limit", 0.002, True, False),
+    ],
+)
+def test_a_fault_that_ended_where_it_does_next_to_nothing_is_idle(word, value, on_bound, out):
+    path = f"fault.{word}"
+    signal = Signal(of=("input:F",), changed=np.add, start={path: 1.0})
+    c = Candidate(place="input:F", family="actuator", physics="x", start={path: (1.0, 0.002, 9.0)}, named={word: path}, signals=(signal,))
+    result = SimpleNamespace(parameters={path: SimpleNamespace(name=path, value=value, on_bound=on_bound, std=None)})
+    assert idle(c, result) is out
 
 
 def test_where_a_plain_law_falls_short_of_its_score_the_law_that_it_stood_for_is_fitted(monkeypatch):
