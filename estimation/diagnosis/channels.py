@@ -170,18 +170,26 @@ def of_alike(model: Model, names: Sequence[str], interval: float, duration: floa
 
 
 def of_sensor(
-    model: Model, name: str, others: Sequence[str], interval: float, duration: float, *, scaled: bool = True, angle: bool = False
+    model: Model,
+    name: str,
+    others: Sequence[str],
+    interval: float,
+    duration: float,
+    *,
+    scaled: bool = True,
+    angle: bool = False,
+    begin: float = 0.0,
 ) -> list[Candidate]:
     """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading.
 
-    scaled: a gain too. angle: its reading is an angle [rad].
+    scaled: a gain too. angle: its reading is an angle [rad]. begin: of the recordings on the model's clock [s], from which it drifts.
     """
     of = f"sensor:{name}"
     channel = _Channel(model=model, place=of, family="sensor", word="sensor")
     found = [
         *([channel.linear("gain", Gain(), "gain", (1.0, *GAINS))] if scaled else []),
         channel.linear("bias", Offset(), "bias"),
-        channel.linear("drift", Drift(), "rate"),
+        channel.linear("drift", Drift(t_0=begin), "rate"),
         *channel.slow(interval, duration, held=False),
         *([channel.turned()] if angle else []),
     ]

@@ -30,6 +30,7 @@ SHORT = 0.5  # of the gain by the score: a fit that brings less has not borne it
 MUCH_LESS = 1.5  # times the worth of a fit: another one that is worth as much is better than just as good
 SPREAD, SPREAD_OF_COUPLINGS = 0.3, 0.5  # standard deviation of a strength over the largest one; of a coupling its evidence tells more
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
+COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
 HOLDING = ("coulomb_friction", "stribeck_friction")
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
@@ -145,16 +146,21 @@ def matters(s: Screened, sizes: Sizes) -> bool:
 
 
 def sound(c: Candidate, f: Fitted) -> bool:
-    """Whether its strengths are told, to less than SPREAD of the largest, and are such as it has."""
+    """Whether its strengths are told, to less than SPREAD of the largest, and are such as it has.
+
+    Of a coupling that is its play or its stiffness, of a level that waves by how much it does.
+    """
     if f.result is None:
         return False
     if c.larger is not None and not f.result.parameters[c.larger[0]].value > f.result.parameters[c.larger[1]].value:
         return False
-    found = [f.result.parameters[n] for n in (c.strengths or tuple(c.start)) if n in f.result.parameters]
-    told = [p for p in found if p.std is not None]
+    coupled = [c.named[word] for word in COUPLED if word in c.named] if c.dear else []
+    means = coupled[:1] or ([c.ratio] if c.ratio else list(c.strengths or c.start))
+    told = [p for n in means if (p := f.result.parameters.get(n)) is not None and p.std is not None]
     if not told:
         return False
-    largest = max(abs(p.value - c.neutral(p.name)) for p in told)
+    nothing = _nothing(c)
+    largest = max(abs(p.value - nothing.get(p.name, c.neutral(p.name))) for p in told)
     return max(p.std or 0.0 for p in told) < (SPREAD_OF_COUPLINGS if c.dear else SPREAD) * largest
 
 
@@ -217,13 +223,18 @@ def idle(c: Candidate, result: Smoothing) -> bool:
         ends = {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
         near = {path: NEARLY * abs(end) for path, end in ends.items()}
     else:
-        ends = {n: c.neutral(n) for n in c.strengths}
+        ends = _nothing(c)
         near = dict.fromkeys(ends, NOTHING)
     there = {n: p for n in ends if (p := result.parameters.get(n)) is not None}
     if there and all(p.on_bound and abs(p.value - ends[n]) <= near[n] for n, p in there.items()):
         return True
-    told = {n: c.neutral(n) for n in c.strengths if n in result.parameters and result.parameters[n].std is not None}
+    told = {n: end for n, end in _nothing(c).items() if n in result.parameters and result.parameters[n].std is not None}
     return bool(told) and more_probable_at(result, told) > -CLEAR
+
+
+def _nothing(c: Candidate) -> dict[str, float]:
+    """Parameter -> its value where there is no effect: a level that waves is there without it, and has no waves then."""
+    return {c.ratio: 0.0} if c.ratio else {n: c.neutral(n) for n in c.strengths}
 
 
 def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Explanation:

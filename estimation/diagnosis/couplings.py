@@ -18,7 +18,7 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Exchange, Rebuild
 from .laws import Motion
-from .places import Spot, neighbours, node
+from .places import Spot, neighbours, node, own_name, sensors
 
 RIGID = (sliding.Rigid, turning.RotationalRigid)
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
@@ -79,10 +79,10 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
         part = SHARE * whole
         body = name, (sliding.Mass(m=part) if slides else turning.Inertia(J=part))
     reduced = 1.0 / (1.0 / (before or SHARE * whole) + 1.0 / (behind or whole))
-    sensors = [n for n in neighbours(model, first) if any(o.variable.partition(".")[0] == n for o in model.measured.values())]
+    reading = sorted(neighbours(model, first) & sensors(model))
     extra = {f"{name}.{'m' if slides else 'J'}": (SHARE * whole, 1e-4 * whole, whole)} if body else {}
     found = list[Candidate]()
-    for moved in (None, *sensors):
+    for moved in (None, *reading):
         rebuilt = partial(_rebuilt, spot.name, body, (moved, second) if moved else None)
         for f in RESONANCES:
             k, d = _tuned(reduced, f, DAMPING)
@@ -101,11 +101,11 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
 def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], values: dict[str, float]) -> list[Candidate]:
     """Play of a coupling that is soft already, and a body of its own in its middle."""
     component = model.components[spot.name]
-    k = values.get(f"{spot.name}.k", 0.0)
+    k = values.get(own_name(model, f"{spot.name}.k"), 0.0)
     if not isinstance(component, (*SOFT, turning.TorsionString)) or not k > 0:
         return []
     slides, found = spot.kind == "translational", list[Candidate]()
-    d = max(values.get(f"{spot.name}.d", 0.0), 0.0)
+    d = max(values.get(own_name(model, f"{spot.name}.d"), 0.0), 0.0)
     if isinstance(component, (sliding.SpringDamper, turning.RotationalSpringDamper)) and motion.span > 0:
         for share in LOOSE:
             gap = share * motion.span

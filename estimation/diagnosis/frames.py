@@ -16,7 +16,7 @@ from ..problem import Known, Problem
 from ..supposed import left_out
 from .candidates import Alike, Candidate, Exchange, Insert
 from .offsets import PREFIX
-from .places import free_name
+from .places import free_name, neighbours
 
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
@@ -53,7 +53,7 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
         if isinstance(component, planar.RigidBody):
             found += _beside(name, component, values)
         if isinstance(component, spatial.RigidBody):
-            found += _rigid_body(model, name, component)
+            found += _rigid_body(model, name, values)
     return found + [c for group in _propellers(model) for c in _rotors(model, group, values)]
 
 
@@ -87,10 +87,11 @@ def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float])
     ]
 
 
-def _rigid_body(model: Model, body: str, component: spatial.RigidBody) -> list[Candidate]:
+def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:
     words = ("linear_drag", "quadratic_drag", "wind", "constant_force", "constant_torque", "coupling")
     drag, square, wind, force, torque, off = (free_name(model, f"{word}_{body}") for word in words)
-    mass = max(component.parameters["m"], 1e-9)
+    whole = model.bindings.get(f"{body}.m", f"{body}.m")  # of all that is off the centre, or x and y would be those of another mass
+    mass = max(values.get(whole, model.components[body].parameters["m"]), 1e-9)
     return [
         Candidate(
             place=body,
@@ -165,7 +166,8 @@ def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list
     slower = f"{time}_down" if time in model.parameters else f"{free_name(model, f'spin_down_{first}')}.tau"
     inertia = f"{time.rpartition('.')[0]}.J"
     exchanged = tuple(Exchange(name=name, component=_spun_down(model, name)) for name in names)
-    (body,) = (name for name, c in model.components.items() if isinstance(c, spatial.RigidBody))
+    there = [n for n in sorted(neighbours(model, f"{first}.frame")) if isinstance(model.components[n], spatial.RigidBody)]
+    body = there[0] if len(there) == 1 else ""
     parts = tuple(
         Insert(place=body, component=spatial.PropellerInertia(spin=spin), name=own, joined=((f"{name}.thrust", f"{own}.thrust"),))
         for name, spin in zip(names, spins, strict=True)
@@ -181,8 +183,8 @@ def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list
         start={slower: (tau, tau / 100, tau * 100)},
         named={"tau_down": slower},
     )
-    if inertia in model.parameters:
-        return [lag]  # it is there already
+    if inertia in model.parameters or not body:
+        return [lag]  # it is there already, or nobody knows whose torques they would be
     return [
         lag,
         Candidate(
@@ -192,7 +194,7 @@ def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list
             edits=(Alike(parts=parts, parameter=inertia, word="J", value=0.0),),
             strengths=(inertia,),
             one_sided=True,
-            named={"J": inertia},
+            named={},  # the momentum goes with J/sqrt(k_r), and no model of thrusts tells the speeds
         ),
     ]
 

@@ -25,7 +25,7 @@ from .couplings import of_coupling, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, of_law
 from .loads import of_loads
-from .places import Spot, bodies, elements
+from .places import Spot, bodies, elements, own_name, sensors
 from .presliding import of_presliding
 from .waves import fine_periods
 
@@ -51,11 +51,12 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
             found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
             found += of_loads(model, spot, motion)
             found += of_presliding(model, spot, motion, values) if spot.name in places else []
+    masses = _masses(model, values)
     for spot in elements(model):
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN]
-            found += of_coupling(model, spot, motion, _masses(values)) + of_soft(model, spot, motion, _masses(values), values)
+            found += of_coupling(model, spot, motion, masses) + of_soft(model, spot, motion, masses, values)
     found += _kinematic(model, values) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
@@ -67,11 +68,12 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         found += of_alike(model, group, interval, duration)
     heard = {q.name: _heard(t.horizons, i) for i, q in enumerate(dae.outputs)}
     units = {q.name: q.unit for q in dae.outputs}
+    begin = float(min(h.clock + h.time[0] for h in t.horizons))
     read = [name for name, times in heard.items() if np.isfinite(times)]
     for name in read:
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
-        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, angle=units[name] == "rad")
+        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, angle=units[name] == "rad", begin=begin)
     return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters, brought)
 
 
@@ -97,30 +99,30 @@ def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candi
     return c if own == c.absorbs else replace(c, absorbs=own)
 
 
-def _masses(values: dict[str, float]) -> dict[str, float]:
+def _masses(model: Model, values: dict[str, float]) -> dict[str, float]:
     """Component -> its mass or moment of inertia."""
-    return {name.partition(".")[0]: value for name, value in values.items() if name.partition(".")[2] in ("m", "J")}
+    paths = {name: f"{name}.{word}" for name, c in model.components.items() for word in ("m", "J") if word in c.declared_parameters}
+    return {name: values[told] for name, path in paths.items() if (told := own_name(model, path)) in values}
 
 
 def _kinematic(model: Model, values: Mapping[str, float]) -> list[Candidate]:
     """Wheels that are not round. values: of the model's parameters."""
-    found = []
+    found, reading = [], sensors(model)
     for name, component in model.components.items():
-        measured = {o.variable.partition(".")[0] for o in model.measured.values()}
         ends = {
             end.partition(".")[0]
             for pair in model.connections
             for end in pair
             if name in (pair[0].partition(".")[0], pair[1].partition(".")[0])
         }
-        if type(component) is not Rack or ends & measured:
+        if type(component) is not Rack or ends & reading:
             continue
         wheel = EccentricRack(r=component.parameters["r"]) if f"{name}.r" not in model.bindings else EccentricRack()
         drive = next(
             (e.partition(".")[0] for pair in model.connections if f"{name}.wheel" in pair for e in pair if not e.startswith(f"{name}.")),
             name,
         )
-        farthest = OFF_CENTRE * values.get(model.bindings.get(f"{name}.r", f"{name}.r"), inf)
+        farthest = OFF_CENTRE * abs(values.get(model.bindings.get(f"{name}.r", f"{name}.r"), inf))
         found.append(
             Candidate(
                 place=drive,
@@ -138,12 +140,12 @@ def _kinematic(model: Model, values: Mapping[str, float]) -> list[Candidate]:
 
 def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Collection[str]) -> list[Candidate]:
     """Every parameter of the machine that was taken for known."""
-    measured = {o.variable.partition(".")[0] for o in model.measured.values()}
+    reading = sensors(model)
     found = []
     for info, value in zip(dae.parameters, values, strict=True):
         owner = info.name.partition(".")[0]
         given = problem.parameters.get(info.name)
-        if isinstance(given, Free) or info.smoothing or value == 0 or owner in {*measured, *brought} or info.unit == "rad":
+        if isinstance(given, Free) or info.smoothing or value == 0 or owner in {*reading, *brought} or info.unit == "rad":
             continue
         if given is None and not _told(info.name, model):
             continue

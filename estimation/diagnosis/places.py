@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from backsight.models import Model
 from backsight.models.connectors import Rotational, Translational
-from backsight.models.language import Component, Connector
+from backsight.models.language import Component, Connector, SignalInput, SignalOutput
+from backsight.models.mechanics.rotational import Gear
 from backsight.models.model import GROUNDS
 
 KINDS: dict[type[Connector], str] = {Translational: "translational", Rotational: "rotational"}
@@ -28,9 +29,10 @@ def bodies(model: Model) -> list[Spot]:
 
 
 def elements(model: Model) -> list[Spot]:
-    """Components between two flanges of one kind, neither of which is held by the ground."""
+    """Components between two flanges of one kind, neither held by the ground; not a gear, whose sides turn at rates of their own."""
     held = {end for ground in _grounds(model) for end in node(model, f"{ground}.{_first(model, ground)}")}
-    return [spot for spot in _spots(model) if len(spot.flanges) == 2 and not held & {f"{spot.name}.{f}" for f in spot.flanges}]
+    found = [spot for spot in _spots(model) if len(spot.flanges) == 2 and not isinstance(model.components[spot.name], Gear)]
+    return [spot for spot in found if not held & {f"{spot.name}.{f}" for f in spot.flanges}]
 
 
 def node(model: Model, flange: str) -> set[str]:
@@ -69,6 +71,11 @@ def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[
     return found
 
 
+def own_name(model: Model, path: str) -> str:
+    """What a parameter of a component is called in the compiled model: a parameter of the model may stand for it."""
+    return model.bindings.get(path, path)
+
+
 def free_name(model: Model, name: str) -> str:
     """The name, with underscores behind it as long as a component has it already."""
     while name in model.components:
@@ -76,15 +83,28 @@ def free_name(model: Model, name: str) -> str:
     return name
 
 
+def sensors(model: Model) -> set[str]:
+    """Components that only tell outputs, with the blocks between; not a body or an element of which an output reads a variable directly."""
+    found, new = set[str](), {output.variable.partition(".")[0] for output in model.measured.values()}
+    while new:
+        name = new.pop()
+        component = model.components[name]
+        if name in found or _has_state(component) or not any(isinstance(s, SignalOutput) for s in component.declared_signals.values()):
+            continue
+        found.add(name)
+        ends = {f"{name}.{word}" for word, s in component.declared_signals.items() if isinstance(s, SignalInput)}
+        new |= {b.partition(".")[0] for pair in model.connections for a, b in (pair, pair[::-1]) if a in ends}
+    return found
+
+
 def _spots(model: Model) -> Iterator[Spot]:
-    grounds = set(_grounds(model))
-    measured = {output.variable.partition(".")[0] for output in model.measured.values()}
+    grounds, reading = set(_grounds(model)), sensors(model)
     for name, component in model.components.items():
         if name in grounds:
             continue
         for kind, word in KINDS.items():
             own = tuple(port for port, c in component.declared_connectors.items() if type(c) is kind)
-            if len(own) == 2 and len(component.declared_connectors) == 2 and name not in measured:  # or it is a sensor
+            if len(own) == 2 and len(component.declared_connectors) == 2 and name not in reading:
                 yield Spot(name=name, kind=word, flanges=own)
             if len(own) == 1 and (_has_state(component) or own == ("axis",)):
                 yield Spot(name=name, kind=word, flanges=own)

@@ -21,7 +21,7 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Insert, Signal
 from .laws import Motion, flange_of
-from .places import Spot, at_hand, free_name
+from .places import Spot, at_hand, free_name, own_name
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -51,11 +51,12 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
     """The candidate at a body that has a friction level. values: of the model's parameters."""
     slides = spot.kind == "translational"
     word, rate = ("f_c", "v") if slides else ("tau_c", "omega")
-    levels = [path for path in at_hand(model, spot, (word,)).get(word, ()) if values.get(path, 0.0) > 0 and _alone(model, path)]
+    found = [path for path in at_hand(model, spot, (word,)).get(word, ()) if _alone(model, path)]
+    levels = [path for path in found if values.get(own_name(model, path), 0.0) > 0]
     if len(levels) != 1 or not motion.span > 0:
         return []
     (base,) = levels
-    level = values[base]
+    level = values[own_name(model, base)]
     width = values.get(f"{base.rpartition('.')[0]}.width", motion.width)
     grid = [float(level / (way * motion.span)) for way in WAYS]
     kind = sliding.DahlFriction if slides else turning.RotationalDahlFriction
@@ -78,7 +79,7 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
             physics="presliding_friction",
             edits=(Insert(place=flange_of(spot), component=component, name=name),),
             start={stiffness: (grid[0], grid[-1] / 100, inf), own: (level, level * 1e-3, inf)},
-            absorbs={base: own},
+            absorbs={own_name(model, base): own},
             named={"sigma_0": stiffness, word: own},
             signals=signals,
         )

@@ -83,18 +83,19 @@ class Offset(Component):
 
 
 class Drift(Component):
-    """An error that grows with time, from nothing at t = 0.   y = u + rate t
+    """An error that grows with time.   y = u + rate (t - t_0)
 
     Signals:    u (input), y (output), of one unit
-    Parameters: rate [that unit/s] 0 by default (absent)
+    Parameters: rate [that unit/s] 0 by default (absent); t_0 [s] when it is nothing, 0 by default
     """
 
     u = SignalInput()
     y = SignalOutput()
     rate = Parameter("/s", 0.0, description="growth of the error per second")
+    t_0 = Parameter("s", 0.0, description="time at which the error is nothing")
 
     def equations(self, c: Any) -> dict[str, Equation]:
-        return {"drift": equal(c.y, c.u + c.rate * c.time)}
+        return {"drift": equal(c.y, c.u + c.rate * (c.time - c.t_0))}
 
 
 class PeriodicError(Component):

@@ -12,7 +12,7 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Signal
+from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
     beyond,
@@ -36,6 +36,7 @@ from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.estimation.diagnosis.verdict import Explanation, Strength
+from backsight.models.mechanics.translational import PositionDependentFriction
 
 
 def screened(place: str, physics: str, gain: float, size: int = 1) -> Screened:
@@ -163,6 +164,26 @@ def test_of_a_coupling_evidence_tells_more_than_its_numbers(std, of_coupling, of
     for dear, is_one in ((True, of_coupling), (False, of_strength)):
         c = Candidate(place="string", family="transmission", physics="compliance", start={"string_2.k": (2.0, 0.1, 10.0)}, dear=dear)
         assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
+
+
+def test_play_is_told_by_its_gap_and_a_level_that_waves_by_its_waves():
+    """Not by the largest number that comes with it."""
+
+    def told(**numbers: tuple[float, float]) -> SimpleNamespace:
+        parameters = {n: SimpleNamespace(name=n, value=v, std=s, on_bound=False) for n, (v, s) in numbers.items()}
+        return SimpleNamespace(parameters=parameters)
+
+    start, words = {"gap": (1e-3, 0.0, 1.0), "k": (1e6, 1.0, 1e9)}, {"gap": "gap", "k": "k"}
+    edits = (Rebuild(edit=lambda model: model, said="play"),)
+    play = Candidate(place="screw", family="transmission", physics="backlash", edits=edits, start=start, named=words, dear=True)
+    for std, is_one in ((1e-4, True), (9e-4, False)):
+        assert sound(play, Fitted(candidate=play, result=told(gap=(1e-3, std), k=(1e6, 1e5)))) is is_one
+    insert = Insert(place="carriage.flange", component=PositionDependentFriction(amplitude=1.0), name="w")
+    law = {"place": "carriage", "family": "friction", "physics": "position_dependent_friction", "ratio": "w.amplitude"}
+    wave = Candidate(**law, edits=(insert,), strengths=("w.f_c",))
+    for std, is_one in ((0.1, True), (0.4, False)):
+        result = told(**{"w.f_c": (20.0, 0.1), "w.amplitude": (0.8, std)})
+        assert sound(wave, Fitted(candidate=wave, result=result)) is is_one
 
 
 @pytest.mark.parametrize(("gap", "is_nothing"), [(5e-5, True), (0.01, False)])

@@ -22,7 +22,7 @@ MOTION = Motion(v_rms=0.2, low=-0.1, high=0.1)
     [
         ("actuator", {"screw": "screw"}),
         ("xy_table", {"spindle": "drive_1", "belt_1": "drive_1", "belt_2": "drive_2", "belt_3": "drive_3"}),
-        ("drillstring", {"gear": "motor", "string": "rotary_table"}),
+        ("drillstring", {"string": "rotary_table"}),
     ],
 )
 def test_a_coupling_is_at_the_body_that_drives_it(plant, expected):

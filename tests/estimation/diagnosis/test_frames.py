@@ -11,6 +11,7 @@ from neutral import Point
 from backsight.estimation import Known, Problem, Recording
 from backsight.estimation.diagnosis.frames import of_frames, with_heading
 from backsight.models import Model, compile_model
+from backsight.models.mechanics import spatial
 from backsight.models.mechanics.planar import FrameFixed, MomentBody, Revolute, World
 from backsight.models.plants import PLANTS, quadrotor, xy_table
 from backsight.models.quadratures import without_ignorable
@@ -67,6 +68,18 @@ def test_the_inertia_of_rotors_turns_the_body_against_them_as_the_law_of_angular
     told = effect[np.abs(effect) > 1e-9]
     assert len(told) == 3
     assert np.sort(np.abs(told)) == pytest.approx(np.sort(np.abs(torque)), rel=1e-3)
+
+
+def test_rotors_turn_the_body_that_they_sit_on_though_there_is_another_one():
+    model = quadrotor()
+    both = replace(model, components={**model.components, "another": spatial.RigidBody()})
+    (c,) = (c for c in of_frames(both, {}) if c.physics == "rotor_inertia")
+    assert c.place == "body"
+
+
+def test_a_mass_off_the_centre_is_all_of_the_mass_whatever_the_plant_had_by_itself():
+    (c,) = (c for c in of_frames(quadrotor(), {"body.m": 0.032}) if c.physics == "coupling")
+    assert c.edits[0].component.parameters["m"] == 0.032
 
 
 def body_effect(model, c, path: str, seed: int, size: float = 1.0) -> tuple[Point, np.ndarray]:

@@ -10,8 +10,10 @@ from concealed_axis import posed, run, smoothed
 
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.candidates import Insert
-from backsight.estimation.diagnosis.library import library
-from backsight.models import compile_model
+from backsight.estimation.diagnosis.library import _kinematic, library
+from backsight.models import Model, Parameter, compile_model
+from backsight.models.mechanics.rotational import Inertia, Rack
+from backsight.models.mechanics.translational import Mass
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +48,52 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
         found = library(problem, problem.model, smooth(problem).solution)
         wrong = {name for c in found if c.physics == "wrong_parameter" for name in c.strengths}
         assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
+
+
+def test_a_drift_is_counted_from_where_the_recording_begins():
+    """On a clock that began long before, it would be a bias."""
+    problem = posed(run(0.3))
+    (axis,) = problem.recordings
+    late = replace(problem, recordings=[replace(axis, time=axis.time + 1e5)])
+    found = library(late, late.model, smooth(late).solution)
+    drifts = [edit.component for c in found if c.physics == "sensor_drift" for edit in c.edits if isinstance(edit, Insert)]
+    assert [d.parameters["t_0"] for d in drifts] == [pytest.approx(1e5, abs=1e-6)]
+
+
+def test_a_body_that_an_output_reads_directly_is_no_sensor():
+    """A mass that is 15 % wrong is a suspect, whether an encoder stands between or not."""
+    problem = posed(run(0.3), carriage__m=80.0)
+    model = replace(problem.model, outputs={"x": "carriage.s"})
+    found = library(replace(problem, model=model), model, smooth(replace(problem, model=model)).solution)
+    assert {n for c in found if c.physics == "wrong_parameter" for n in c.strengths} == {"carriage.m"}
+
+
+def test_a_law_takes_over_what_a_parameter_of_the_model_stands_for():
+    """The axis's own friction, free, under names of the model's own: two dampers and one of each direction would be one too many."""
+    problem = posed(run(0.5, f_c=20.0), friction__f_c=Free(15.0))
+    own = {"level": Parameter("N", 15.0, min=0.0), "damping": Parameter("N.s/m", 190.0, min=0.0)}
+    model = replace(problem.model, parameters=own, bindings={"friction.f_c": "level", "friction.d": "damping"})
+    free = {"carriage.m": Free(90.0), "level": Free(15.0), "damping": Free(190.0), "offset.f": 0.0}
+    renamed = replace(problem, model=model, parameters=free)
+    names = {"friction.f_c": "level", "friction.d": "damping"}
+    plain, bound = (library(p, p.model, smooth(p).solution) for p in (problem, renamed))
+    assert {c.key for c in plain if c.absorbs} >= {("carriage", f"{w}_friction") for w in ("asymmetric", "stribeck", "presliding")}
+    expected = [(c.key, {names[n]: by for n, by in c.absorbs.items()}) for c in plain]
+    assert [(c.key, dict(c.absorbs)) for c in bound] == expected
+
+
+@pytest.mark.parametrize("r", [0.03, -0.03])
+def test_a_wheel_may_be_off_its_centre_whichever_way_it_turns_its_belt(r):
+    model = Model(
+        name="belt",
+        components={"wheel": Inertia(J=1e-3), "belt": Rack(r=r), "slide": Mass(m=1.0)},
+        connections=(("wheel.flange", "belt.wheel"), ("belt.rack", "slide.flange")),
+        inputs={},
+        outputs={"s": "slide.s"},
+    )
+    (c,) = _kinematic(model, {"belt.r": r})
+    guess, low, high = c.start["belt.amplitude"]
+    assert low < guess < high == pytest.approx(0.009)
 
 
 def test_a_law_beside_one_of_the_model_rounds_its_sign_as_that_does():

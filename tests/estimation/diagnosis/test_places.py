@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from backsight.estimation.diagnosis.places import at_hand, bodies, elements, neighbours, node
+from backsight.estimation.diagnosis.places import at_hand, bodies, elements, neighbours, node, sensors
 from backsight.models import Model
 from backsight.models.mechanics.planar import Body, FrameFixed, Revolute, World
 from backsight.models.mechanics.rotational import Torque
 from backsight.models.plants import PLANTS, actuator
+from backsight.models.signals import Lag
 
 
 def named(spots) -> dict[str, str]:
@@ -34,7 +37,7 @@ def test_bodies_are_what_slides_or_turns_and_the_axes_of_joints(plant, expected)
     [
         ("actuator", {"screw": "translational"}),
         ("xy_table", {"spindle": "rotational"} | {f"belt_{i}": "translational" for i in (1, 2, 3)}),
-        ("drillstring", {"gear": "rotational", "string": "rotational"}),
+        ("drillstring", {"string": "rotational"}),
         ("five_bar", {}),
         ("quadrotor", {}),
     ],
@@ -49,6 +52,14 @@ def test_a_compliant_screw_has_a_body_at_either_end():
     model = actuator(screw="compliant")
     assert named(bodies(model)) == {"motor_mass": "translational", "carriage": "translational"}
     assert named(elements(model)) == {"screw": "translational"}
+
+
+def test_a_sensor_is_found_behind_the_blocks_in_its_channel_and_a_body_that_is_read_directly_is_none():
+    model = actuator()
+    assert sensors(model) == {"encoder"}
+    late = model.insert("sensor:x", Lag(tau=0.01), "filter")
+    assert sensors(late) == {"encoder", "filter"}
+    assert sensors(replace(model, outputs={"x": "carriage.s"})) == set()
 
 
 def test_a_node_is_all_flanges_that_are_joined():

@@ -32,6 +32,7 @@ def test_gain_offset_and_drift_are_the_errors_of_a_sensor() -> None:
     assert output(Gain(gain=0.98), u=U) == pytest.approx(0.98 * U, abs=1e-15)
     assert output(Offset(bias=-0.2), u=U) == pytest.approx(U - 0.2, abs=1e-15)
     assert output(Drift(rate=0.1), u=U) == pytest.approx(U + 0.1 * T, abs=1e-15)
+    assert output(Drift(rate=0.1, t_0=0.3), u=U) == pytest.approx(U + 0.1 * (T - 0.3), abs=1e-15)
 
 
 def test_a_disk_that_is_not_centred_reads_too_much_and_too_little_once_a_turn() -> None:
