@@ -6,7 +6,7 @@ variable of which the old model knows nothing begins at its start value, and the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -30,7 +30,9 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Begun:
     """Trajectories of a problem, and place -> std of its residual force, away from rest; its parameters.
 
-    strange: they come from another model. at_rest: place -> strength of the laws that its residual force has room for near rest.
+    strange: they come from another model. at_rest: place -> strength of the laws that its residual force has room for near rest. noise:
+    output -> std in force, of every horizon: of two models the one that holds the other is not to come to rest at weights by which it is
+    less likely than that.
     """
 
     followed: Followed
@@ -38,6 +40,7 @@ class Begun:
     parameters: dict[str, float]
     strange: bool = False
     at_rest: dict[str, float] = field(default_factory=dict)
+    noise: tuple[dict[str, float], ...] = ()
 
     @classmethod
     def at(cls, solution: Solution) -> Begun:
@@ -47,7 +50,15 @@ class Begun:
             force_std=force_stds(solution),
             parameters=_parameters(solution),
             at_rest=strengths_at_rest(solution),
+            noise=_noise(solution),
         )
+
+    def with_noise(self, stds: list[dict[str, float]], free: Sequence[Collection[str]]) -> list[dict[str, float]]:
+        """Standard deviations of outputs, of every horizon, with those in force here where nobody gave them."""
+        if len(self.noise) != len(stds):
+            return stds
+        pairs = zip(stds, free, self.noise, strict=True)
+        return [{name: own.get(name, std) if name in those else std for name, std in table.items()} for table, those, own in pairs]
 
     @classmethod
     def of(cls, solution: Solution, problem: Problem) -> Begun | None:
@@ -132,6 +143,16 @@ def _named(old: Dae, dae: Dae, values: Array, otherwise: float) -> Array:
 
 def _parameters(solution: Solution) -> dict[str, float]:
     return dict(zip((p.name for p in solution.transcription.dae.parameters), solution.parameters.tolist(), strict=True))
+
+
+def _noise(solution: Solution) -> tuple[dict[str, float], ...]:
+    """Output -> std of its samples in a solution, of every horizon."""
+    t, scale = solution.transcription, solution.values.scale[solution.term("samples")]
+    found, first = list[dict[str, float]](), 0
+    for horizon in t.horizons:
+        part, first = scale[:, first : first + len(horizon.time)], first + len(horizon.time)
+        found.append({q.name: float(1.0 / np.median(row[row > 0])) for q, row in zip(t.dae.outputs, part, strict=True) if np.any(row > 0)})
+    return tuple(found)
 
 
 def followed_by(solution: Solution) -> Followed:

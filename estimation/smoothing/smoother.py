@@ -122,7 +122,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         say("following the samples")
         followed = follow_closely(plain, stds, settings.step)
     else:
-        followed = begin.followed
+        followed, stds = begin.followed, begin.with_noise(stds, open_outputs)
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy() if begin is None else begin.start(problem), dict[int, float]()
