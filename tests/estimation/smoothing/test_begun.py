@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.smoothing.begun import Begun
-from backsight.estimation.smoothing.smoother import Settings
+from backsight.estimation.smoothing.smoother import Settings, smoothing
 from backsight.models.plants import actuator
 
 M1, M2, K, D, B, STEP, N, NOISE = 15.0, 80.0, 6e4, 60.0, 200.0, 2e-3, 800, 2e-6
@@ -78,3 +78,17 @@ def test_another_input_or_no_solution_is_no_beginning():
     assert Begun.of(RIGID, Problem(model=renamed, recordings=[replace(RECORDING, inputs=inputs)], parameters=soft.parameters)) is None
     status = type(RIGID.solved.status).ITERATIONS
     assert Begun.of(replace(RIGID, solved=replace(RIGID.solved, status=status)), soft) is None
+
+
+def test_a_fit_begins_with_the_noise_of_the_solution_where_nobody_gave_one():
+    nobody = replace(posed("rigid"), recordings=[replace(RECORDING, output_std={})])
+    result = smooth(nobody, settings=Settings(check_mesh=False))
+    begun = Begun.at(result.solution)
+    assert begun.noise == ({"x": pytest.approx(result.weights.V["x"], rel=1e-6)},)
+    assert begun.with_noise([{"x": 1.0}], [{"x"}]) == list(begun.noise)
+    assert begun.with_noise([{"x": 1.0}], [set()]) == [{"x": 1.0}]  # given
+    assert begun.with_noise([{"x": 1.0}, {"x": 1.0}], [{"x"}, {"x"}]) == [{"x": 1.0}, {"x": 1.0}]  # of other recordings
+    said: list[str] = []
+    again = smoothing(nobody, settings=Settings(check_mesh=False, marginal=False), begin=begun, progress=said.append)
+    assert again.weights.V["x"] == pytest.approx(result.weights.V["x"], rel=0.05)
+    assert sum("weights from the data" in line for line in said) <= 2  # from the samples' differences, three times as large, it takes three
