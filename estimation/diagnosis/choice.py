@@ -238,7 +238,11 @@ def _nothing(c: Candidate) -> dict[str, float]:
 
 
 def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Explanation:
-    """Friction whose level hardly hangs on the direction, by less than matters beside the forces there: Coulomb friction of the mean."""
+    """Coulomb friction where a richer law has come to be that: of the mean level, where it hardly hangs on the direction, by less than matters
+    beside the forces there; of the level c, where it does not grow with the velocity's logarithm."""
+    growth, level = (e.parameters.get(word) for word in ("b", "c"))
+    if e.physics == "logarithmic_friction" and level is not None and growth is not None and growth.std is None and growth.value <= NOTHING:
+        return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})
     for word, plus, minus in (("f_c", "f_plus", "f_minus"), ("tau_c", "tau_plus", "tau_minus")):
         both = [e.parameters[n] for n in (plus, minus) if n in e.parameters]
         if len(both) < 2 or abs(both[0].value - both[1].value) / 2 >= FLOOR * force:

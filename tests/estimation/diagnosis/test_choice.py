@@ -150,6 +150,15 @@ def test_friction_that_is_least_at_rest_is_no_stribeck_friction(static, is_one):
     assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
 
 
+@pytest.mark.parametrize(("b", "std", "physics"), [(0.0, None, "coulomb_friction"), (0.3, 0.1, "logarithmic_friction")])
+def test_a_logarithm_that_nothing_is_left_of_is_coulomb_friction(b, std, physics):
+    parameters = {"b": Strength(value=b, std=std, unit="N.m"), "c": Strength(value=0.23, std=0.02, unit="N.m")}
+    e = Explanation(place="joint", family="friction", physics="logarithmic_friction", parameters=parameters)
+    found = evened(e, Candidate(place="joint", family="friction", physics="logarithmic_friction"), SimpleNamespace(), force=1.0)
+    assert found.physics == physics
+    assert found.parameters.get("tau_c", found.parameters.get("c")).value == 0.23
+
+
 def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_white():
     white = screened("carriage", "coulomb_friction", 50.0)
     assert clear(white, 1.1 * CLEAR)
