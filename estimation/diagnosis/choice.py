@@ -238,8 +238,11 @@ def _nothing(c: Candidate) -> dict[str, float]:
 
 
 def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Explanation:
-    """Coulomb friction where a richer law has come to be that: of the mean level, where it hardly hangs on the direction, by less than matters
-    beside the forces there; of the level c, where it does not grow with the velocity's logarithm."""
+    """Coulomb friction where a richer law has come to be that.
+
+    Of the mean level, where that hardly hangs on the direction, by less than matters beside the forces there; of the level c, where it does
+    not grow with the velocity's logarithm.
+    """
     growth, level = (e.parameters.get(word) for word in ("b", "c"))
     if e.physics == "logarithmic_friction" and level is not None and growth is not None and growth.std is None and growth.value <= NOTHING:
         return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})
