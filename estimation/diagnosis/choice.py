@@ -195,6 +195,18 @@ def _alone(c: Candidate, s: Screened | None) -> tuple[str, float] | None:
     return (c.strengths[0], float(s.estimate[0])) if len(c.strengths) == 1 else None
 
 
+def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> bool:
+    """Whether it is one more law of a family of which a place has two already, and takes less than the floor from what is left there.
+
+    Real friction follows no formula: a third one mends a little of the first two, and their numbers, which were right, bend for it.
+    """
+    had = [a for a in accepted if (a.place, a.family) == (c.place, c.family) and not c.replaces(a)]
+    pair = [r.residual_places.get(c.place) for r in (before, f.result) if r is not None]
+    if len(had) < 2 or len(pair) < 2 or pair[0] is None or pair[1] is None:
+        return False
+    return pair[0].rms ** 2 - pair[1].rms ** 2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
+
+
 def clear(s: Screened | None, gained: float) -> bool:
     """Whether a fit brought as much evidence as an effect has to, for what that is worth beside residuals that are not white."""
     return gained > CLEAR * (1.0 if s is None else s.inflation)

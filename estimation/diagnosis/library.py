@@ -49,7 +49,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
-            found += of_loads(model, spot, motion)
+            found += of_loads(model, spot, motion, motions.size)
             found += of_presliding(model, spot, motion, values) if spot.name in places else []
     masses = _masses(model, values)
     for spot in elements(model):
@@ -200,6 +200,16 @@ class _Motions:
         fine = self._fine(spot.name, position) if len(spot.flanges) == 1 and position is not None else ()
         sharp = self._width(velocity) or rounding(moved, resting=spot.name not in self._unseen)
         return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), fine=fine, sharp=sharp)
+
+    def size(self, name: str) -> float:
+        """Rms of a variable of the model along the trajectories; 0 where it has none of that name."""
+        t, values = self._solution.transcription, list[Array]()
+        if name not in t.dae.variables:
+            return 0.0
+        for number, horizon in enumerate(t.horizons):
+            times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT)
+            values.append(along(t.dae, t.dae.variables[name], self._followed, number, times, self._solution.parameters).ravel())
+        return float(np.sqrt(np.nanmean(np.concatenate(values) ** 2)))
 
     def _width(self, velocity: Any) -> float | None:
         """That of a law which the model has there: another one with another width would tell from it what is no difference."""

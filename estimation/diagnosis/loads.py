@@ -8,7 +8,7 @@ couplings that pass a motion on as it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from backsight.models import Model
 from backsight.models.language import Signal, SignalInput, Variable
@@ -20,16 +20,21 @@ from .couplings import RIGID
 from .laws import Motion, flange_of, rounded
 from .places import Spot, free_name, grounded, neighbours
 
+ROUNDED = 1e-3  # of the rms load: the width over which its sign is rounded
 UNITS = {"translational": "N", "rotational": "N.m"}
 
 
-def of_loads(model: Model, spot: Spot, motion: Motion) -> list[Candidate]:
-    """Load-dependent friction of a body against the ground, of every load there."""
+def of_loads(model: Model, spot: Spot, motion: Motion, size: Callable[[str], float]) -> list[Candidate]:
+    """Load-dependent friction of a body against the ground, of every load there. size: variable -> its rms along the trajectories."""
     found = []
     for load in loads(model, spot):
+        rms = size(load)
+        if not rms > 0:
+            continue
         owner = load.partition(".")[0]
         name = free_name(model, f"load_dependent_friction_{spot.name}_{owner}")
-        law = sliding.LoadDependentFriction() if spot.kind == "translational" else turning.RotationalLoadDependentFriction()
+        kind = sliding.LoadDependentFriction if spot.kind == "translational" else turning.RotationalLoadDependentFriction
+        law = kind(load_width=max(ROUNDED * rms, kind.declared_parameters["load_width"].min))
         edit = Insert(place=flange_of(spot), component=rounded(law, motion), name=name, joined=((load, f"{name}.load"),))
         found.append(
             Candidate(

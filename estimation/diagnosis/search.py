@@ -23,7 +23,23 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..workers import as_finished
 from .candidates import Candidate
-from .choice import CLEAR, RIVAL, SAME, chosen, clear, coloured, evened, held_unseen, idle, simplest, slight, sound, steady, stood_for
+from .choice import (
+    CLEAR,
+    RIVAL,
+    SAME,
+    chosen,
+    clear,
+    coloured,
+    evened,
+    held_unseen,
+    idle,
+    simplest,
+    slight,
+    sound,
+    steady,
+    stood_for,
+    trifling,
+)
 from .elimination import Bare
 from .held import rescaled
 from .keep import Keep
@@ -254,6 +270,7 @@ class Search:
         fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
         self._remember(fits, now)
         good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f) and not slight(c, s, f, sizes)]
+        good = [(c, s, f) for c, s, f in good if not trifling(c, f, self.accepted, self.result, sizes)]
         if not good and (constant := steady(self.result, candidates, sizes)):
             last = self._fits([(c, None) for c in constant])
             now += counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]

@@ -27,6 +27,7 @@ from backsight.estimation.diagnosis.choice import (
     slight,
     sound,
     stood_for,
+    trifling,
 )
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
@@ -157,6 +158,18 @@ def test_a_logarithm_that_nothing_is_left_of_is_coulomb_friction(b, std, physics
     found = evened(e, Candidate(place="joint", family="friction", physics="logarithmic_friction"), SimpleNamespace(), force=1.0)
     assert found.physics == physics
     assert found.parameters.get("tau_c", found.parameters.get("c")).value == 0.23
+
+
+@pytest.mark.parametrize(("already", "left", "out"), [(2, 0.9, True), (2, 0.5, False), (1, 0.9, False)])
+def test_a_third_law_of_one_family_has_to_take_as_much_as_matters_from_what_is_left(already, left, out):
+    def result(rms: float) -> SimpleNamespace:
+        return SimpleNamespace(residual_places={"carriage": SimpleNamespace(rms=rms)})
+
+    words = ("coulomb_friction", "asymmetric_friction")
+    accepted = [Candidate(place="carriage", family="friction", physics=w, strengths=(w,)) for w in words[:already]]
+    c = Candidate(place="carriage", family="friction", physics="logarithmic_friction", strengths=("log.b",))
+    sizes = SimpleNamespace(forces={"carriage": 60.0})  # 1 % of which are 0.6
+    assert trifling(c, Fitted(candidate=c, result=result(left)), accepted, result(1.0), sizes) is out
 
 
 def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_white():

@@ -40,12 +40,19 @@ def test_behind_a_soft_screw_the_screw_loads_the_carriage():
     assert {spot.name: loads(model, spot) for spot in bodies(model)} == {"motor_mass": ["motor.f", "screw.f"], "carriage": ["screw.f"]}
 
 
+def test_what_is_no_load_has_no_friction_of_it():
+    (spot,) = bodies(actuator())
+    assert of_loads(actuator(), spot, Motion(v_rms=1.0, low=0.0, high=1.0), lambda _: 0.0) == []
+
+
 @pytest.mark.parametrize("plant", ["actuator", "drillstring", "five_bar", "xy_table"])
 def test_without_strength_it_changes_nothing(plant):
     model = PLANTS[plant]()
     base, grown = compile_model(model), model
     for spot in bodies(model):
-        for c in of_loads(model, spot, Motion(v_rms=1.0, low=0.0, high=1.0)):
+        for c in of_loads(model, spot, Motion(v_rms=1.0, low=0.0, high=1.0), lambda _: 5e-3):
+            # of a small drive, too, |load| is no less than the load
+            assert c.edits[0].component.parameters["load_width"] == pytest.approx(5e-6)
             grown = c.edited(grown)
     whole = compile_model(grown)
     point = Point(base, 0)
