@@ -12,11 +12,12 @@ from backsight.models.mechanics.rotational import Gear
 from backsight.models.model import GROUNDS
 
 KINDS: dict[type[Connector], str] = {Translational: "translational", Rotational: "rotational"}
+RATES = {"translational": "v", "rotational": "omega"}  # of a body, as a state
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spot:
-    """A body or a joint ("flange" is its one flange of that kind), or an element between two flanges (both)."""
+    """A body or a joint (with its one flange of that kind, or the first of two), or an element between two flanges (both)."""
 
     name: str
     kind: str
@@ -57,18 +58,23 @@ def grounded(model: Model, flange: str) -> bool:
 def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[str]]:
     """Word -> parameters of that name of components at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
     found: dict[str, list[str]] = {}
-    grounds = set(_grounds(model))
-    for owner in sorted(neighbours(model, f"{spot.name}.{spot.flanges[0]}")):
+    grounds, here = set(_grounds(model)), _at(model, spot)
+    for owner in sorted({end.partition(".")[0] for end in here}):
         component = model.components[owner]
-        others = [
-            f"{owner}.{f}" for f in component.declared_connectors if f"{owner}.{f}" not in node(model, f"{spot.name}.{spot.flanges[0]}")
-        ]
+        others = [f"{owner}.{f}" for f in component.declared_connectors if f"{owner}.{f}" not in here]
         if owner != spot.name and not all(neighbours(model, end) & grounds for end in others):
             continue  # between this body and another
         for word in words:
             if word in component.declared_parameters:
                 found.setdefault(word, []).append(f"{owner}.{word}")
     return found
+
+
+def _at(model: Model, spot: Spot) -> set[str]:
+    """All flanges that are joined to a spot's first one; of a body with two, to either."""
+    declared = model.components[spot.name].declared_connectors
+    alike = [f for f, c in declared.items() if type(c) is type(declared[spot.flanges[0]])] if len(spot.flanges) == 1 else []
+    return {end for f in {spot.flanges[0], *alike} for end in node(model, f"{spot.name}.{f}")}
 
 
 def own_name(model: Model, path: str) -> str:
@@ -105,7 +111,8 @@ def _spots(model: Model) -> Iterator[Spot]:
         for kind, word in KINDS.items():
             own = tuple(port for port, c in component.declared_connectors.items() if type(c) is kind)
             if len(own) == 2 and len(component.declared_connectors) == 2 and name not in reading:
-                yield Spot(name=name, kind=word, flanges=own)
+                rate = component.declared_variables.get(RATES[word])  # what moves as a whole is a body, wherever it is joined
+                yield Spot(name=name, kind=word, flanges=own[:1] if rate is not None and rate.state else own)
             if len(own) == 1 and (_has_state(component) or own == ("axis",)):
                 yield Spot(name=name, kind=word, flanges=own)
 

@@ -7,9 +7,11 @@ from dataclasses import replace
 import pytest
 
 from backsight.estimation.diagnosis.places import at_hand, bodies, elements, neighbours, node, sensors
-from backsight.models import Model
+from backsight.models import Component, Model, Parameter, Variable, balance, equal
+from backsight.models.connectors import Translational
 from backsight.models.mechanics.planar import Body, FrameFixed, Revolute, World
 from backsight.models.mechanics.rotational import Torque
+from backsight.models.mechanics.translational import Damper, Fixed, Force, PositionSensor
 from backsight.models.plants import PLANTS, actuator
 from backsight.models.signals import Lag
 
@@ -52,6 +54,43 @@ def test_a_compliant_screw_has_a_body_at_either_end():
     model = actuator(screw="compliant")
     assert named(bodies(model)) == {"motor_mass": "translational", "carriage": "translational"}
     assert named(elements(model)) == {"screw": "translational"}
+
+
+class Slider(Component):
+    """A body that is joined at either end."""
+
+    s = Variable("m", state=True)
+    v = Variable("m/s", state=True)
+    flange_a = Translational()
+    flange_b = Translational()
+    m = Parameter("kg", 2.0, min=0.0)
+
+    def equations(self, c):
+        return {
+            "position at a": equal(c.s, c.flange_a.s),
+            "position at b": equal(c.s, c.flange_b.s),
+            "velocity": equal(c.v, c.der(c.s)),
+            "force balance": balance(c.m * c.der(c.v), c.flange_a.f, c.flange_b.f),
+        }
+
+
+def test_a_body_with_two_flanges_is_a_body_and_what_brakes_it_at_either_is_its_own():
+    model = Model(
+        name="slide",
+        components={"motor": Force(), "car": Slider(), "brake": Damper(d=3.0), "rail": Fixed(), "eye": PositionSensor()},
+        connections=(
+            ("motor.flange", "car.flange_a"),
+            ("brake.flange_a", "car.flange_b"),
+            ("brake.flange_b", "rail.flange"),
+            ("eye.flange", "car.flange_b"),
+        ),
+        inputs={"F": "motor.f"},
+        outputs={"x": "eye.s"},
+    )
+    (spot,) = bodies(model)
+    assert (spot.name, spot.flanges) == ("car", ("flange_a",))
+    assert elements(model) == []
+    assert at_hand(model, spot, ("d",)) == {"d": ["brake.d"]}
 
 
 def test_a_sensor_is_found_behind_the_blocks_in_its_channel_and_a_body_that_is_read_directly_is_none():
