@@ -177,17 +177,16 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
         gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
         known = [size for size in sizes.forces.values() if np.isfinite(size)]
         return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
-    looked_at = _alone(c, s)
-    if s is None or looked_at is None:
+    if s is None or (alone := _alone(c, s)) is None:
         return False
-    path, there = looked_at
+    path, there = alone
     share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
     return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < FLOOR / 2 * abs(there)
 
 
-def _alone(c: Candidate, s: Screened | None) -> tuple[str, float] | None:
+def _alone(c: Candidate, s: Screened) -> tuple[str, float] | None:
     """The one parameter that a force goes with, and what it was at the score; None where there is no such one."""
-    if s is None or c.family == "sensor" or c.absorbs or c.quadrature:
+    if c.family == "sensor" or c.absorbs or c.quadrature:
         return None
     if c.signals:
         width = c.named.get("width", "")
@@ -201,10 +200,10 @@ def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smo
     Real friction follows no formula: a third one mends a little of the first two, and their numbers, which were right, bend for it.
     """
     had = [a for a in accepted if (a.place, a.family) == (c.place, c.family) and not c.replaces(a)]
-    pair = [r.residual_places.get(c.place) for r in (before, f.result) if r is not None]
-    if len(had) < 2 or len(pair) < 2 or pair[0] is None or pair[1] is None:
+    if len(had) < 2 or f.result is None:
         return False
-    return pair[0].rms ** 2 - pair[1].rms ** 2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
+    was, now = before.residual_places.get(c.place), f.result.residual_places.get(c.place)
+    return was is not None and now is not None and was.rms**2 - now.rms**2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
 
 
 def clear(s: Screened | None, gained: float) -> bool:
@@ -231,16 +230,17 @@ def idle(c: Candidate, result: Smoothing) -> bool:
 
     Of couplings, which have no strength, nobody can say.
     """
+    nothing = _nothing(c)
     if c.signals:
         ends = {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
         near = {path: NEARLY * abs(end) for path, end in ends.items()}
     else:
-        ends = _nothing(c)
+        ends = nothing
         near = dict.fromkeys(ends, NOTHING)
     there = {n: p for n in ends if (p := result.parameters.get(n)) is not None}
     if there and all(p.on_bound and abs(p.value - ends[n]) <= near[n] for n, p in there.items()):
         return True
-    told = {n: end for n, end in _nothing(c).items() if n in result.parameters and result.parameters[n].std is not None}
+    told = {n: end for n, end in nothing.items() if n in result.parameters and result.parameters[n].std is not None}
     return bool(told) and more_probable_at(result, told) > -CLEAR
 
 

@@ -12,6 +12,7 @@ from backsight.models.augmentation.delay import INPUTS, delay_name
 
 from ..problem import Free, Problem
 from ..recordings.delay import moved
+from ..smoothing.delays import delays_of
 from ..wording import listed
 
 
@@ -19,8 +20,7 @@ def without_delays(problem: Problem) -> tuple[Problem, str | None]:
     """The problem of the model as it was declared, and a note where it had delays to be estimated; itself where it has none."""
     if not isinstance(problem.declared, Model):
         return problem, None
-    names = (INPUTS, *(q.name for q in problem.dae.outputs))
-    delays = {name: problem.parameters[delay_name(name)] for name in names if delay_name(name) in problem.parameters}
+    delays = delays_of(problem)
     given = {name: float(d) for name, d in delays.items() if not isinstance(d, Free)}
     sought = ["the inputs" if name == INPUTS else name for name in delays if name not in given]
     recordings = [moved(r, {o: given.get(o, 0.0) + given.get(INPUTS, 0.0) for o in r.outputs}) for r in problem.recordings]

@@ -16,7 +16,7 @@ from ..problem import Known, Problem
 from ..supposed import left_out
 from .candidates import Alike, Candidate, Exchange, Insert
 from .offsets import PREFIX
-from .places import free_name, neighbours
+from .places import free_name, neighbours, own_name
 
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
@@ -90,7 +90,7 @@ def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float])
 def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:
     words = ("linear_drag", "quadratic_drag", "wind", "constant_force", "constant_torque", "coupling")
     drag, square, wind, force, torque, off = (free_name(model, f"{word}_{body}") for word in words)
-    whole = model.bindings.get(f"{body}.m", f"{body}.m")  # of all that is off the centre, or x and y would be those of another mass
+    whole = own_name(model, f"{body}.m")  # of all that is off the centre, or x and y would be those of another mass
     mass = max(values.get(whole, model.components[body].parameters["m"]), 1e-9)
     return [
         Candidate(
@@ -161,7 +161,7 @@ def _propellers(model: Model) -> list[list[str]]:
 def _rotors(model: Model, names: list[str], values: Mapping[str, float]) -> list[Candidate]:
     """What rotors of one kind may do: spin down more slowly than up, having no brake, and turn the body against themselves."""
     first, spins = names[0], [model.components[name].parameters["spin"] for name in names]
-    time = model.bindings.get(f"{first}.tau", f"{first}.tau")
+    time = own_name(model, f"{first}.tau")
     tau = values.get(time, model.components[first].parameters["tau"])
     slower = f"{time}_down" if time in model.parameters else f"{free_name(model, f'spin_down_{first}')}.tau"
     inertia = f"{time.rpartition('.')[0]}.J"

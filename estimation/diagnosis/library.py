@@ -122,7 +122,7 @@ def _kinematic(model: Model, values: Mapping[str, float]) -> list[Candidate]:
             (e.partition(".")[0] for pair in model.connections if f"{name}.wheel" in pair for e in pair if not e.startswith(f"{name}.")),
             name,
         )
-        farthest = OFF_CENTRE * abs(values.get(model.bindings.get(f"{name}.r", f"{name}.r"), inf))
+        farthest = OFF_CENTRE * abs(values.get(own_name(model, f"{name}.r"), inf))
         found.append(
             Candidate(
                 place=drive,
@@ -181,20 +181,12 @@ class _Motions:
 
     def of(self, spot: Spot) -> Motion | None:
         """None where the model has no such motion."""
-        t = self._solution.transcription
-        dae = t.dae
-        position, velocity = self._named(dae, spot)
+        position, velocity = self._named(self._solution.transcription.dae, spot)
         if velocity is None:
             return None
-        s, v = list[Array](), list[Array]()
-        for number, horizon in enumerate(t.horizons):
-            times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT)
-            v.append(along(dae, velocity, self._followed, number, times, self._solution.parameters).ravel())
-            if position is not None:
-                s.append(along(dae, position, self._followed, number, times, self._solution.parameters).ravel())
-        moved = np.concatenate(v)
+        moved = self._course(velocity)
         rms = float(np.sqrt(np.mean(moved**2)))
-        where = np.concatenate(s) if s else np.zeros(1)
+        where = np.zeros(1) if position is None else self._course(position)
         if not rms > 0:
             return None
         fine = self._fine(spot.name, position) if len(spot.flanges) == 1 and position is not None else ()
@@ -203,13 +195,16 @@ class _Motions:
 
     def size(self, name: str) -> float:
         """Rms of a variable of the model along the trajectories; 0 where it has none of that name."""
-        t, values = self._solution.transcription, list[Array]()
-        if name not in t.dae.variables:
-            return 0.0
+        variables = self._solution.transcription.dae.variables
+        return float(np.sqrt(np.nanmean(self._course(variables[name]) ** 2))) if name in variables else 0.0
+
+    def _course(self, expression: Any) -> Array:
+        """A scalar of the model along the trajectories of all recordings."""
+        t, found = self._solution.transcription, list[Array]()
         for number, horizon in enumerate(t.horizons):
             times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT)
-            values.append(along(t.dae, t.dae.variables[name], self._followed, number, times, self._solution.parameters).ravel())
-        return float(np.sqrt(np.nanmean(np.concatenate(values) ** 2)))
+            found.append(along(t.dae, expression, self._followed, number, times, self._solution.parameters).ravel())
+        return np.concatenate(found)
 
     def _width(self, velocity: Any) -> float | None:
         """That of a law which the model has there: another one with another width would tell from it what is no difference."""

@@ -71,10 +71,10 @@ def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[
 
 
 def _at(model: Model, spot: Spot) -> set[str]:
-    """All flanges that are joined to a spot's first one; of a body with two, to either."""
+    """All flanges that are joined to a body's own; of one with two, to either."""
     declared = model.components[spot.name].declared_connectors
-    alike = [f for f, c in declared.items() if type(c) is type(declared[spot.flanges[0]])] if len(spot.flanges) == 1 else []
-    return {end for f in {spot.flanges[0], *alike} for end in node(model, f"{spot.name}.{f}")}
+    kind = type(declared[spot.flanges[0]])
+    return {end for f, c in declared.items() if type(c) is kind for end in node(model, f"{spot.name}.{f}")}
 
 
 def own_name(model: Model, path: str) -> str:

@@ -110,12 +110,16 @@ def _edges(result: Smoothing, about: Mapping[str, float], sought: Mapping[str, F
     return {name: sides.get(name, 0.0) for name in about}
 
 
-def _sought(problem: Problem) -> dict[str, Free | float]:
-    """Delayed output, or INPUTS -> its delay, estimated or given; what has its place already, or varies and has no one place, is none."""
+def delays_of(problem: Problem) -> dict[str, Free | float]:
+    """Delayed output, or INPUTS -> its delay, estimated or given."""
     names = (INPUTS, *(q.name for q in problem.dae.outputs))
-    delays = {name: problem.parameters[delay_name(name)] for name in names if delay_name(name) in problem.parameters}
+    return {name: problem.parameters[delay_name(name)] for name in names if delay_name(name) in problem.parameters}
+
+
+def _sought(problem: Problem) -> dict[str, Free | float]:
+    """The delays that are to have a place: not what has its own already, or varies and has no one place."""
     placed = problem.recordings[0].advanced
-    return {name: p for name, p in delays.items() if (not p.varies if isinstance(p, Free) else name not in placed)}
+    return {name: p for name, p in delays_of(problem).items() if (not p.varies if isinstance(p, Free) else name not in placed)}
 
 
 def _arrived(result: Smoothing) -> bool:
