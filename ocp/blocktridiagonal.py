@@ -1,13 +1,16 @@
 """Symmetric block-tridiagonal matrices: solve, log-determinant and the blocks of the inverse, linear in their number.
 
-Cyclic reduction: every second block is eliminated at once, which leaves a block-tridiagonal matrix of half the length
-(Heller, SIAM J. Numer. Anal. 13, 1976). All blocks of a level are handled by one batched call, so there is no loop over time.
-The inverse is wanted on the pattern of the matrix only and comes back along the same levels (Takahashi's equations).
+A block acts on the next one by few of its places, the same in every block: those of the knot between them. So the block below the diagonal
+is kept by its columns there, H_kc (b, c). Cyclic reduction: every second block is eliminated at once, which leaves a matrix of half the
+length and the same pattern (Heller, SIAM J. Numer. Anal. 13, 1976). All blocks of a level are handled by one batched call, so there is no
+loop over time; beside the inverses of blocks, work is of order b^2 c. The inverse is wanted on the pattern of the matrix only and comes
+back along the same levels (Takahashi's equations).
 
-With o an eliminated block between its neighbours a and b, and S the inverse:
+With o an eliminated block between its neighbours a and b, I = D_o^-1, S the inverse, and c the places of the knots:
 
-    L_a = D_o^-1 H_oa,  L_b = D_o^-1 H_ob
-    S_oa = -(L_a S_aa + L_b S_ba),   S_ob = -(L_a S_ab + L_b S_bb),   S_oo = D_o^-1 - S_oa L_a' - S_ob L_b'
+    L = I H_oa (b, c),    D_a,cc -= H_oa' L,    D_b -= H_bo I_cc H_bo',    H_ba = -H_bo L_c
+    S_oa = -(L S_aa,cc + I_c H_bo' S_ba),       S_bo = -(S_ba L_c' + S_bb H_bo I_cc)          both in the columns c
+    S_oo = I - S_oa L' - T I_c',                T = S_ob H_bo = -(L S_ba' H_bo + I_c H_bo' S_bb H_bo)
 """
 
 from __future__ import annotations
@@ -22,16 +25,16 @@ from .polynomials import Array
 
 @dataclass(frozen=True)
 class Level:
-    """What the elimination of the odd blocks of one level leaves to be used on the way back."""
+    """What the elimination of the odd blocks of one level leaves to be used on the way back: I, L and H_bo."""
 
     inverse: Array
     to_left: Array
-    to_right: Array
+    below: Array
 
 
 @dataclass(frozen=True)
 class BlockTridiagonal:
-    """Factor of a symmetric matrix with blocks diagonal[k] (n, b, b) and lower[k] = H[k + 1, k] (n - 1, b, b).
+    """Factor of a symmetric matrix with blocks diagonal[k] (n, b, b) and lower[k] = H[k + 1, k] (n - 1, b, c) in the columns `knot`.
 
     pivots: the blocks that were inverted, level by level.
     """
@@ -39,6 +42,7 @@ class BlockTridiagonal:
     levels: tuple[Level, ...]
     root: Array
     pivots: tuple[Array, ...]
+    knot: slice
 
     @cached_property
     def _eigenvalues(self) -> Array:
@@ -64,46 +68,49 @@ class BlockTridiagonal:
 
     def solve(self, rhs: Array) -> Array:
         """H^-1 rhs; rhs (n, b, m)."""
-        saved = []
+        saved, knot = [], self.knot
         for level in self.levels:
             odd, even = rhs[1::2], rhs[0::2].copy()
             saved.append(odd)
-            even[: len(odd)] -= _t(level.to_left) @ odd
             right = len(even) - 1
-            even[1:] -= _t(level.to_right[:right]) @ odd[:right]
+            even[: len(odd), knot] -= _t(level.to_left) @ odd
+            even[1:] -= level.below @ (level.inverse[:right, knot] @ odd[:right])
             rhs = even
         x = self.root @ rhs
         for level, odd in zip(reversed(self.levels), reversed(saved), strict=True):
             out = np.empty((len(x) + len(odd), *x.shape[1:]))
             out[0::2] = x
-            here = level.inverse @ odd - level.to_left @ x[: len(odd)]
+            here = level.inverse @ odd - level.to_left @ x[: len(odd), knot]
             right = len(x) - 1
-            here[:right] -= level.to_right[:right] @ x[1 : right + 1]
+            here[:right] -= level.inverse[:right, :, knot] @ (_t(level.below) @ x[1 : right + 1])
             out[1::2] = here
             x = out
         return x
 
     def inverse_blocks(self) -> tuple[Array, Array]:
-        """Diagonal blocks (n, b, b) and blocks [k + 1, k] (n - 1, b, b) of the inverse."""
-        diagonal = self.root
-        lower = np.empty((0, *self.root.shape[1:]))
+        """Of the inverse: diagonal blocks (n, b, b), and blocks [k + 1, k] in the columns `knot`, (n - 1, b, c)."""
+        diagonal, knot = self.root, self.knot
+        lower = np.empty((0, self.root.shape[1], self.root[0, :, knot].shape[1]))
         for level in reversed(self.levels):
             odd, even = len(level.inverse), len(diagonal)
             right = even - 1
-            S_oa = -level.to_left @ diagonal[:odd]
-            S_oa[:right] -= level.to_right[:right] @ lower
-            S_ob = -level.to_left[:right] @ _t(lower) - level.to_right[:right] @ diagonal[1:]
-            S_oo = level.inverse - S_oa @ _t(level.to_left)
-            S_oo[:right] -= S_ob @ _t(level.to_right[:right])
+            L, H_bo, I_c = level.to_left, level.below, level.inverse[:right, :, knot]
+            S_oa = -L @ diagonal[:odd, knot, knot]
+            S_oa[:right] -= I_c @ (_t(H_bo) @ lower)
+            S_bb_H = diagonal[1:] @ H_bo
+            S_bo = -(lower @ _t(L[:right, knot]) + S_bb_H @ I_c[:, knot])
+            T = -(L[:right] @ (_t(lower) @ H_bo) + I_c @ (_t(H_bo) @ S_bb_H))
+            S_oo = level.inverse - S_oa @ _t(L)
+            S_oo[:right] -= T @ _t(I_c)
             wide = np.empty((odd + even, *self.root.shape[1:]))
             wide[0::2], wide[1::2] = diagonal, (S_oo + _t(S_oo)) / 2
-            between = np.empty((odd + even - 1, *self.root.shape[1:]))
-            between[0::2], between[1::2] = S_oa, _t(S_ob)
+            between = np.empty((odd + even - 1, *lower.shape[1:]))
+            between[0::2], between[1::2] = S_oa, S_bo
             diagonal, lower = wide, between
         return diagonal, lower
 
 
-def factor(diagonal: Array, lower: Array) -> BlockTridiagonal:
+def factor(diagonal: Array, lower: Array, knot: slice) -> BlockTridiagonal:
     """Factor H; a singular block raises numpy.linalg.LinAlgError. The blocks themselves need not be positive definite."""
     if not (np.all(np.isfinite(diagonal)) and np.all(np.isfinite(lower))):
         raise np.linalg.LinAlgError("the matrix has entries that are not finite")
@@ -113,18 +120,14 @@ def factor(diagonal: Array, lower: Array) -> BlockTridiagonal:
         pivots.append(D)
         inverse = _inverse(D)
         inverse = (inverse + _t(inverse)) / 2
-        H_oa, right = lower[0::2], (len(diagonal) - 1) // 2
-        H_bo = lower[1::2]
+        H_oa, H_bo, right = lower[0::2], lower[1::2], (len(diagonal) - 1) // 2
         to_left = inverse @ H_oa
-        to_right = np.zeros_like(to_left)
-        to_right[:right] = inverse[:right] @ _t(H_bo)
         even = diagonal[0::2].copy()
-        even[:odd] -= _t(H_oa) @ to_left
-        even[1:] -= H_bo @ to_right[:right]
-        between = -H_bo @ to_left[:right]
-        levels.append(Level(inverse, to_left, to_right))
-        diagonal, lower = even, between
-    return BlockTridiagonal(tuple(levels), _inverse(diagonal), (*pivots, diagonal))
+        even[:odd, knot, knot] -= _t(H_oa) @ to_left
+        even[1:] -= H_bo @ inverse[:right, knot, knot] @ _t(H_bo)
+        levels.append(Level(inverse, to_left, H_bo))
+        diagonal, lower = even, -H_bo @ to_left[:right, knot]
+    return BlockTridiagonal(tuple(levels), _inverse(diagonal), (*pivots, diagonal), knot)
 
 
 def _inverse(blocks: Array) -> Array:
@@ -134,11 +137,11 @@ def _inverse(blocks: Array) -> Array:
         raise np.linalg.LinAlgError("a block of the matrix is singular") from None
 
 
-def times(diagonal: Array, lower: Array, x: Array) -> Array:
+def times(diagonal: Array, lower: Array, knot: slice, x: Array) -> Array:
     """H x of the blocks as `factor` takes them; x (n, b, m)."""
     out = diagonal @ x
-    out[1:] += lower @ x[:-1]
-    out[:-1] += _t(lower) @ x[1:]
+    out[1:] += lower @ x[:-1, knot]
+    out[:-1, knot] += _t(lower) @ x[1:]
     return np.asarray(out, dtype=np.float64)
 
 

@@ -1,8 +1,9 @@
 """Symmetric matrices of a program that are block-tridiagonal in time with a border: arranged, eliminated, and their inverses.
 
 Block k holds the interior of interval k, x(t_(k+1)) and the multipliers of the interval's rows of J, which determine them from x(t_k): no
-block is singular, and elimination runs with time, in which a plant forgets. The first knot of every horizon, the multipliers of what must
-hold there, and the parameters form the border. With H_cc the part of the blocks,
+block is singular, and elimination runs with time, in which a plant forgets. The next block sees of it x(t_(k+1)) alone, its knot. The first
+knot of every horizon, the multipliers of what must hold there, and the parameters form the border.
+With H_cc the part of the blocks,
 
     X = H_cc^-1 H_cb,    S = H_bb - H_bc X,    inverse:  C_bb = S^-1,   C_cc = H_cc^-1 + X C_bb X',   C_cb = -X C_bb
 """
@@ -31,7 +32,8 @@ SWEEPS = 6
 class Places:
     """Where every unknown and multiplier stands: block (-1 in the border) and place there. Shapes (n + np + constraints,).
 
-    starts (H,): intervals that open a horizon; count, size of the blocks; border: its size, the parameters last.
+    starts (H,): intervals that open a horizon; count, size of the blocks; knot: places of x(t_(k+1)) in them; border: its size, the
+    parameters last.
     """
 
     block: Index
@@ -39,6 +41,7 @@ class Places:
     starts: Index
     count: int
     size: int
+    knot: slice
     border: int
 
 
@@ -65,7 +68,13 @@ def arrange(nlp: Nlp) -> Places:
             used[term.interval] += m
     place[n:] = edge + np.arange(free)
     return Places(
-        block=np.concatenate(blocks), place=np.concatenate(places), starts=starts, count=intervals, size=int(used.max()), border=edge + free
+        block=np.concatenate(blocks),
+        place=np.concatenate(places),
+        starts=starts,
+        count=intervals,
+        size=int(used.max()),
+        knot=slice(ip.interior, own),
+        border=edge + free,
     )
 
 
@@ -73,8 +82,9 @@ def arrange(nlp: Nlp) -> Places:
 class Bordered:
     """A matrix with all rows in units `size` in which their largest entries are near one, and without the rows that are `fixed`.
 
-    diagonal (N, b, b), lower (N - 1, b, b), edge (N, b, nk), corner (nk, nk): its blocks. idle (N, b): places of blocks where nothing
-    stands, with a one on the diagonal; kept (nk,): the places of the border that are not fixed; place: of all, there among these.
+    diagonal (N, b, b), lower (N - 1, b, nx) in the columns of the knot, edge (N, b, nk), corner (nk, nk): its blocks. idle (N, b): places
+    of blocks where nothing stands, with a one on the diagonal; kept (nk,): the places of the border that are not fixed; place: of all,
+    there among these.
     """
 
     at: Places
@@ -91,7 +101,7 @@ class Bordered:
     @cached_property
     def tree(self) -> BlockTridiagonal:
         """The factor of the blocks; raises numpy.linalg.LinAlgError where one is singular."""
-        return factor(self.diagonal, self.lower)
+        return factor(self.diagonal, self.lower, self.at.knot)
 
     @cached_property
     def eliminated(self) -> tuple[Array, Array]:
@@ -100,7 +110,7 @@ class Bordered:
         With a residual R = H_cb - H_cc X, H_bc H_cc^-1 H_cb = H_bc X + (X + H_cc^-1 R)' R exactly.
         """
         X = self.tree.solve(self.edge)
-        R = self.edge - times(self.diagonal, self.lower, X)
+        R = self.edge - times(self.diagonal, self.lower, self.at.knot, X)
         better = X + self.tree.solve(R)
         S = self.corner - np.einsum("kbi,kbj->ij", self.edge, X) - np.einsum("kbi,kbj->ij", better, R)
         return better, (S + S.T) / 2
@@ -119,7 +129,7 @@ class Bordered:
         inverse = np.zeros(len(values))
         for block, where, indices in (
             (diagonal, (kr == kc) & (kr >= 0), (kr, ir, ic)),
-            (lower, (kr == kc + 1) & (kc >= 0), (kc, ir, ic)),
+            (lower, (kr == kc + 1) & (kc >= 0), (kc, ir, ic - self.at.knot.start)),
             (edge, (kr >= 0) & (kc < 0), (kr, ir, ic)),
             (corner, kr < 0, (ir, ic)),
         ):
@@ -137,7 +147,7 @@ class Bordered:
         C = np.linalg.inv(S + np.diag(alone.astype(float)))
         diagonal, lower = self.tree.inverse_blocks()
         XC = X @ C
-        return diagonal + XC @ np.swapaxes(X, 1, 2), lower + XC[1:] @ np.swapaxes(X[:-1], 1, 2), -XC, C
+        return diagonal + XC @ np.swapaxes(X, 1, 2), lower + XC[1:] @ np.swapaxes(X[:-1, self.at.knot], 1, 2), -XC, C
 
 
 def bordered(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softness: Array, known: Index) -> Bordered:
@@ -194,8 +204,8 @@ def _equilibrated(rows: Index, columns: Index, values: Array, count: int) -> Arr
 
 def _dense(at: Places, place: Index, kept: int, rows: Index, columns: Index, values: Array) -> tuple[Array, Array, Array, Array]:
     """Blocks [k, k], [k + 1, k], the border and its corner from the entries of one triangle, each of them once."""
-    b = at.size
-    diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, b))
+    b, knot = at.size, at.knot
+    diagonal, lower = np.zeros((at.count, b, b)), np.zeros((max(at.count - 1, 0), b, knot.stop - knot.start))
     border, corner = np.zeros((at.count, b, kept)), np.zeros((kept, kept))
     mirrored = rows != columns
     r, c = np.concatenate([rows, columns[mirrored]]), np.concatenate([columns, rows[mirrored]])
@@ -204,7 +214,7 @@ def _dense(at: Places, place: Index, kept: int, rows: Index, columns: Index, val
     inner = (kr >= 0) & (kc >= 0)
     for target, where, indices in (
         (diagonal, inner & (kr == kc), (kr, ir, ic)),
-        (lower, inner & (kr == kc + 1), (kc, ir, ic)),
+        (lower, inner & (kr == kc + 1), (kc, ir, ic - knot.start)),
         (border, (kr >= 0) & (kc < 0), (kr, ir, ic)),
         (corner, (kr < 0) & (kc < 0), (ir, ic)),
     ):

@@ -182,9 +182,9 @@ class _Kkt:
         self._place(nlp, constraints)
         self._fill(squares, constraints)
         self._scale(fixed)
-        self._tree: BlockTridiagonal = factor(self.diagonal, self.lower)
+        self._tree: BlockTridiagonal = factor(self.diagonal, self.lower, self._knot)
         self._X = self._tree.solve(self.border)
-        R = self.border - times(self.diagonal, self.lower, self._X)
+        R = self.border - times(self.diagonal, self.lower, self._knot, self._X)
         better = self._X + self._tree.solve(R)
         S = self.corner - np.einsum("kbi,kbj->ij", self.border, self._X) - np.einsum("kbi,kbj->ij", better, R)
         self._X, self._S = better, (S + S.T) / 2
@@ -204,6 +204,7 @@ class _Kkt:
         index, nx = nlp.index, nlp.interpolation.states
         self._n, self._size, self._nx = nlp.trajectory_size, nlp.size, nx
         self._own, self._local = len(index) - nx, len(index)
+        self._knot = slice(self._own - nx, self._own)
         self._starts = np.flatnonzero(np.insert(index[0, 1:] != index[self._own, :-1], 0, True))
         self._later = np.setdiff1d(np.arange(index.shape[1]), self._starts)
         self._inside, self._first = index[nx:].T, index[:nx, self._starts].T  # decisions of the blocks, and of the border
@@ -220,12 +221,12 @@ class _Kkt:
 
     def _fill(self, squares: Array, constraints: Sequence[Linearised]) -> None:
         count, nx, own, local = len(squares), self._nx, self._own, self._local
-        P, knot, later, starts = slice(self._edge, self._edge + squares.shape[1] - local), slice(own - nx, own), self._later, self._starts
-        self.diagonal, self.lower = np.zeros((count, self._width, self._width)), np.zeros((count - 1, self._width, self._width))
+        P, knot, later, starts = slice(self._edge, self._edge + squares.shape[1] - local), self._knot, self._later, self._starts
+        self.diagonal, self.lower = np.zeros((count, self._width, self._width)), np.zeros((count - 1, self._width, nx))
         self.border, self.corner = np.zeros((count, self._width, P.stop)), np.zeros((P.stop, P.stop))
         self.diagonal[:, :own, :own] = squares[:, nx:local, nx:local]
         self.diagonal[later - 1, knot, knot] += squares[later, :nx, :nx]
-        self.lower[later - 1, :own, knot] = squares[later, nx:local, :nx]
+        self.lower[later - 1, :own] = squares[later, nx:local, :nx]
         self.border[:, :own, P] = squares[:, nx:local, local:]
         self.border[later - 1, knot, P] += squares[later, :nx, local:]
         self.corner[P, P] = squares[:, local:, local:].sum(axis=0)
@@ -248,7 +249,7 @@ class _Kkt:
             self.diagonal[where, :own, rows] = np.swapaxes(part.J[:, :, nx:local], 1, 2)
             self.border[where, rows, P] = part.J[:, :, local:]
             follows = ~np.isin(where, starts)
-            self.lower[where[follows] - 1, rows, knot] = part.J[follows, :, :nx]
+            self.lower[where[follows] - 1, rows] = part.J[follows, :, :nx]
             for k, F in zip(starts, firsts, strict=True):
                 self.border[k, rows, F] = part.J[np.searchsorted(where, k), :, :nx]
 
@@ -269,7 +270,7 @@ class _Kkt:
         largest = np.max(np.abs(self.corner[R]) * outer, axis=1, initial=0.0)
         outer[R] = np.where(largest > 0, 1.0 / np.where(largest > 0, largest, 1.0), 0.0)
         self.diagonal *= inner[:, :, None] * inner[:, None, :]
-        self.lower *= inner[1:, :, None] * inner[:-1, None, :]
+        self.lower *= inner[1:, :, None] * inner[:-1, None, self._knot]
         self.border *= inner[:, :, None] * outer
         self.corner *= outer[:, None] * outer
         k, i = np.nonzero(inner == 0)
@@ -283,7 +284,7 @@ class _Kkt:
     def _solved(self, of_unknowns: Array, of_constraints: Array, low: Array, high: Array) -> tuple[Array, Array]:
         blocks, edge = self._arranged(of_unknowns, of_constraints)
         x = self._tree.solve(blocks[:, :, None])
-        x += self._tree.solve(blocks[:, :, None] - times(self.diagonal, self.lower, x))
+        x += self._tree.solve(blocks[:, :, None] - times(self.diagonal, self.lower, self._knot, x))
         # what the border has to solve is exact to the second order in the error of x, as S is
         rest = edge - np.einsum("kbi,kb->i", self.border, x[:, :, 0])
         q = self._bounded(rest, low, high)

@@ -134,7 +134,7 @@ def _slack(matrix: Bordered, X: Array, own: int) -> Array:
 
     Signs of rounding are drawn, the same ones at every call, so that no regular pattern of a plant cancels them.
     """
-    sums = times(np.abs(matrix.diagonal), np.abs(matrix.lower), np.abs(X)) + np.abs(matrix.edge)
+    sums = times(np.abs(matrix.diagonal), np.abs(matrix.lower), matrix.at.knot, np.abs(X)) + np.abs(matrix.edge)
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=sums.shape[:2])
     signs[:, :own] = 0.0
     return np.abs(matrix.tree.solve(signs[:, :, None] * sums))
@@ -174,7 +174,7 @@ def _local_covariances(nlp: Nlp, at: Places, tree: BlockTridiagonal, rows: Array
     out = rows @ C @ np.swapaxes(rows, 1, 2)
     out[later, :nx, :nx] += S[later - 1, knot, knot]
     out[:, nx:local, nx:local] += S[:, :own, :own]
-    crossed = np.where(idle[later, :own, None] | idle[later - 1, None, knot], 0.0, between[later - 1, :own, knot])
+    crossed = np.where(idle[later, :own, None] | idle[later - 1, None, knot], 0.0, between[later - 1, :own])
     out[later, nx:local, :nx] += crossed
     out[later, :nx, nx:local] += np.swapaxes(crossed, 1, 2)
     return out

@@ -97,7 +97,7 @@ def _step(nlp: Nlp, squares: Array, g: Array, held: Array) -> Array | None:
     unit = free / np.sqrt(_positive(np.einsum("kii->ki", diagonal)))  # of every unknown its own: a unit diagonal
     size = np.where(held[n:], 0.0, 1.0) / np.sqrt(_positive(np.diag(corner)))
     diagonal *= unit[:, :, None] * unit[:, None, :]
-    lower *= unit[1:, :, None] * unit[:-1, None, :]
+    lower *= unit[1:, :, None] * unit[:-1, None, at.knot]
     border *= unit[:, :, None] * size
     corner = size[:, None] * corner * size
     gone = (free == 0) | (np.einsum("kii->ki", diagonal) == 0)
@@ -109,7 +109,7 @@ def _step(nlp: Nlp, squares: Array, g: Array, held: Array) -> Array | None:
         damped = diagonal.copy()
         damped[:, every, every] += ridge
         try:
-            solved = factor(damped, lower).solve(np.concatenate([rhs[:, :, None], border], axis=2))
+            solved = factor(damped, lower, at.knot).solve(np.concatenate([rhs[:, :, None], border], axis=2))
             S = corner - np.einsum("kbi,kbj->ij", border, solved[:, :, 1:]) + np.diag(np.where(held[n:], 1.0, max(ridge, RIDGE)))
             q = np.linalg.solve(S, h - np.einsum("kbi,kb->i", border, solved[:, :, 0]))
         except np.linalg.LinAlgError:
@@ -122,15 +122,21 @@ def _step(nlp: Nlp, squares: Array, g: Array, held: Array) -> Array | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Places:
-    """Trajectories in blocks: [x(t_i) | interior_i] of every interval, and x at the end of every horizon, padded.
+    """Trajectories in blocks: x at the start of every horizon, padded, and [interior_i | x(t_(i+1))] of every interval.
 
-    first (N,): block of every interval; the next one begins with its right knot. where (blocks, b): decision index, -1 for padding.
+    last (N,): block of every interval, the one before ends with its left knot. where (blocks, b): decision index, -1 for padding.
     """
 
-    first: NDArray[np.int64]
+    last: NDArray[np.int64]
     where: NDArray[np.int64]
     states: int
     size: int
+
+    @property
+    def knot(self) -> slice:
+        """The places of x at the end of an interval in its block."""
+        b = self.where.shape[1]
+        return slice(b - self.states, b)
 
     def of(self, trajectory: Array, padding: float) -> Array:
         """A vector (n,) in blocks (blocks, b)."""
@@ -145,27 +151,27 @@ class Places:
     def arranged(self, squares: Array) -> tuple[Array, Array, Array, Array]:
         """Diagonal and lower blocks, border and corner of the sum of the intervals' matrices (N, local + np, local + np)."""
         count, b = self.where.shape
-        nx, here, there = self.states, self.first, self.first + 1
+        nx, knot, here, before = self.states, self.knot, self.last, self.last - 1
         local = b + nx
-        diagonal, lower = np.zeros((count, b, b)), np.zeros((count - 1, b, b))
+        diagonal, lower = np.zeros((count, b, b)), np.zeros((count - 1, b, nx))
         border = np.zeros((count, b, squares.shape[1] - local))
-        diagonal[here] = squares[:, :b, :b]
-        diagonal[there, :nx, :nx] += squares[:, b:local, b:local]
-        lower[here, :nx] = squares[:, b:local, :b]
-        border[here] = squares[:, :b, local:]
-        border[there, :nx] += squares[:, b:local, local:]
+        diagonal[here] = squares[:, nx:local, nx:local]
+        diagonal[before, knot, knot] += squares[:, :nx, :nx]
+        lower[before] = squares[:, nx:local, :nx]
+        border[here] = squares[:, nx:local, local:]
+        border[before, knot] += squares[:, :nx, local:]
         return diagonal, lower, border, squares[:, local:, local:].sum(axis=0)
 
 
 def knots_and_interiors(nlp: Nlp) -> Places:
     """The blocks of a program."""
     nx, b, index = nlp.interpolation.states, nlp.interpolation.local - nlp.interpolation.states, nlp.index
-    ends = np.concatenate([index[0, 1:] != index[b, :-1], [True]])  # intervals after which a horizon ends
-    first = np.arange(index.shape[1]) + np.concatenate([[0], np.cumsum(ends)[:-1]])
-    where = np.full((int(first[-1]) + 2, b), -1, dtype=np.int64)
-    where[first] = index[:b].T
-    where[first[ends] + 1, :nx] = index[b:, ends].T
-    return Places(first=first, where=where, states=nx, size=nlp.trajectory_size)
+    starts = np.concatenate([[True], index[0, 1:] != index[b, :-1]])  # intervals that open a horizon
+    last = np.arange(index.shape[1]) + np.cumsum(starts)
+    where = np.full((int(last[-1]) + 1, b), -1, dtype=np.int64)
+    where[last] = index[nx:].T
+    where[last[starts] - 1, b - nx :] = index[:nx, starts].T
+    return Places(last=last, where=where, states=nx, size=nlp.trajectory_size)
 
 
 def _positive(diagonal: Array) -> Array:

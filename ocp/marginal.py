@@ -44,12 +44,13 @@ class Marginal:
 
     values: the numbers whose cost J is, where those of the solution serve its deviations (robust losses). apart (N,): intervals that are
     left out of the determinants. All that follows is of the k free parameters `moving`: where a combination of parameters is not
-    determined, others that make it up are held, one for each.
+    determined, others that make it up are held, one for each. rather (r,): those that are held where any would do.
     """
 
     solution: Solution
     values: Values
     apart: Mask
+    rather: Index | None = None
 
     @cached_property
     def moving(self) -> Index:
@@ -60,11 +61,18 @@ class Marginal:
         t, unit = self.solution.transcription, self.solution.values.unit
         null = self._whole.null / np.concatenate([unit[t.starts.ravel()], unit[t.nlp.trajectory_size :]])
         null = (null / np.abs(null).max(axis=1, keepdims=True))[:, -len(everything) :]
+        if self.rather is not None and len(self.rather) == len(null) and np.linalg.svd(null[:, self.rather])[1].min() > MOVES:
+            return np.setdiff1d(everything, self.rather)
         # what lies on a bound is held first
         null[:, np.isin(t.nlp.trajectory_size + everything, self.solution.solved.on_bound)] *= FIRST
         _, R, order = qr(null, mode="economic", pivoting=True)
         lost = np.flatnonzero(np.abs(np.diag(R)) > MOVES)
         return np.setdiff1d(everything, order[lost])
+
+    @property
+    def still(self) -> Index:
+        """The free parameters that are held, (r,)."""
+        return np.setdiff1d(np.arange(len(self.solution.transcription.nlp.free)), self.moving)
 
     @property
     def minimum(self) -> bool:
@@ -149,8 +157,7 @@ class Marginal:
     @cached_property
     def _curvature(self) -> Curvature | None:
         """With what does not move held."""
-        n, count = self.solution.transcription.nlp.trajectory_size, len(self.solution.transcription.nlp.free)
-        held = n + np.setdiff1d(np.arange(count), self.moving)
+        held = self.solution.transcription.nlp.trajectory_size + self.still
         return self.solution.curvature_with(np.union1d(self._held, held)) if len(held) else self._whole
 
     @cached_property

@@ -90,7 +90,7 @@ class _Way:
             self._say(f"parameters of most marginal likelihood: {length:.2g} deviations away")
             step *= min(1.0, BOLDEST / length)
             found = self._solved(here, step)
-            there = at(found) if found.solved.status.converged else None
+            there = at(found, first.still) if found.solved.status.converged else None
             if there is None or not there.minimum or not np.array_equal(there.moving, moving):
                 break
             s, before = W @ step, F
@@ -146,10 +146,10 @@ def released(solution: Solution, on_bound: Iterable[int]) -> Solution:
     return replace(solution, solved=replace(solved, on_bound=own))
 
 
-def at(solution: Solution) -> Marginal:
-    """What the marginal likelihood says at a solution, its rests left out."""
+def at(solution: Solution, rather: NDArray[np.int64] | None = None) -> Marginal:
+    """What the marginal likelihood says at a solution, its rests left out. rather: parameters that are held where any would do."""
     values = solution.ungained if isinstance(solution, RobustSolution) else solution.values
-    return Marginal(solution=solution, values=values, apart=intervals_apart(solution))
+    return Marginal(solution=solution, values=values, apart=intervals_apart(solution), rather=rather)
 
 
 def tilted(solution: Solution) -> Solution:
