@@ -73,14 +73,14 @@ def _likely(s: Screened, found: Screen, sizes: Sizes) -> bool:
     return found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)
 
 
-def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]], now: float) -> list[Screened]:
+def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]]) -> list[Screened]:
     """The best candidate that a simpler one stood for, at every place where that one's fit fell short of its score.
 
-    now: evidence without any. Scores go by straight lines: laws that are alike along a trajectory astray are not where it comes to rest.
+    Scores go by straight lines: laws that are alike along a trajectory astray are not where it comes to rest.
     """
     out, fitted = list[Screened](), {c.key for c, _, _ in fits}
     for c, s, f in fits:
-        if s is None or f.evidence - now > SHORT * s.gain:
+        if s is None or f.gain > SHORT * s.gain:
             continue
         there = [o for o in found.found if o.candidate.place == c.place and o.candidate.size > c.size and o.candidate.key not in fitted]
         good = (o for o in there if o.gain >= WORTH * s.gain and _likely(o, found, sizes))

@@ -29,6 +29,7 @@ from .candidates import Candidate
 from .held import rescaled
 from .offsets import counted_out, with_those_of
 from .screen import Screened
+from .worth import NONE, Worth
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -42,27 +43,22 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 class Fitted:
     """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time.
 
-    rescaled: nats with residual forces, if they are held, of the common factor that suits it best (`held.py`).
+    gain: nats over the model without it (`worth.py`).
     """
 
     candidate: Candidate
     problem: Problem | None = None
     model: Model | None = None
     result: Smoothing | None = None
-    solution: Solution | None = None
+    worth: Worth = NONE
     failed: str = ""
     late: bool = False
-    rescaled: float = 0.0
+    gain: float = -np.inf
 
     @property
     def whole(self) -> Smoothing | None:
         """The result with its solution, which a result alone leaves behind where it comes from another process."""
-        return None if self.result is None else replace(self.result, solution=self.solution)
-
-    @property
-    def evidence(self) -> float:
-        """Log evidence; -inf where the fit failed."""
-        return -np.inf if self.problem is None or self.result is None else evidence(self.problem, self.result) + self.rescaled
+        return None if self.result is None else replace(self.result, solution=self.worth.solution)
 
 
 def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> float:
@@ -157,10 +153,10 @@ def fitted(
         result = smoothing(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
-    more = 0.0
+    nats = evidence(now, result)
     if not settings.weigh and result.solution is not None and result.solver.converged:
-        more = rescaled(result.solution)
-    return Fitted(candidate=candidate, problem=now, model=edited, result=result, solution=result.solution, rescaled=more)
+        nats += rescaled(result.solution)
+    return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=Worth(nats=nats, solution=result.solution))
 
 
 def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:

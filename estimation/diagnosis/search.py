@@ -52,6 +52,7 @@ from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
 from .supermodel import looked_at
 from .verdict import Class, Explanation, Finding, Strength, Tried, Undetectable
+from .worth import Worth, gains
 
 Progress = Callable[[str], None]
 Judged = tuple[Candidate, Screened | None, Fitted]
@@ -140,7 +141,7 @@ class Search:
         for k in range(AGAIN if self.settings.weigh else 0):
             problem = settled(self.problem, self.result)
             again = self._again(problem, f"the model as it is, as fits are, {k + 1}")
-            if again is None or not (more := evidence(problem, again) - evidence(self.problem, self.result)) > 0:
+            if again is None or not (more := self._worth(problem, again).over(self._worth(self.problem, self.result))) > 0:
                 return
             self.problem, self.result = problem, again
             if more < WORTH:
@@ -154,7 +155,7 @@ class Search:
         straight = settled(self.problem, self.result)
         held = replace(straight, recordings=list(self.held))
         one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
-        if one is not None and (other is None or self._worth(held, one) > self._worth(straight, other)):
+        if one is not None and (other is None or self._worth(held, one).over(self._worth(straight, other)) > 0):
             self.problem, self.result, self.held = held, one, None
 
     def _eliminate(self) -> None:
@@ -175,7 +176,7 @@ class Search:
             self.say(f"{c.title} is nothing beside what was found later")
             problem, model = settled(posed[0], self.result), posed[1]
             found = self._again(problem, f"without {c.title}")
-            if found is None or self._worth(problem, found) < self._worth(self.problem, self.result) - CLEAR:
+            if found is None or self._worth(problem, found).over(self._worth(self.problem, self.result)) < -CLEAR:
                 continue
             gone = self.findings[k].gain
             self.findings = [*self.findings[:k], *self.findings[k + 1 :]]
@@ -198,10 +199,11 @@ class Search:
             return None
         return found if found is not None and found.solver.converged else None
 
-    def _worth(self, problem: Problem, result: Smoothing) -> float:
-        """Nats, by which the models of one round compare; -inf where there are none."""
+    def _worth(self, problem: Problem, result: Smoothing) -> Worth:
+        """What the models of one round compare by."""
         nats = evidence(problem, result, ended=False)
-        return nats if self.settings.weigh or result.solution is None else nats + rescaled(result.solution)
+        more = 0.0 if self.settings.weigh or result.solution is None else rescaled(result.solution)
+        return Worth(nats=nats + more, solution=result.solution)
 
     def _renew(self, sizes: Sizes) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
@@ -255,43 +257,45 @@ class Search:
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one. None can be better than a model of which nobody knows how good."""
         now = self._worth(self.problem, self.result)
-        if not np.isfinite(now):
+        if not np.isfinite(now.nats):
             self.notes.append(INCOMPARABLE)
             return False
         worth = [dated(base, s) for s in chosen(found, sizes)]
         if worth:
             rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
             worth += held_unseen(found, worth, hidden(self.problem) - rests)
-        fits = self._fits([(s.candidate, s) for s in worth])
-        fits += self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits, now))])
+        fits = _gained(self._fits([(s.candidate, s) for s in worth]), now)
+        more = self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits))])
+        fits = _gained([*fits, *more], now)
         most = max(sizes.left.values(), default=0.0)
-        if not self._explains(fits, now) and (most > FLOOR or (self.settings.weigh and coloured(self.result))):
-            fits += self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
-        fits.sort(key=lambda f: (-f[2].evidence, f[0].rank))
-        self._remember(fits, now)
-        good = [(c, s, f) for c, s, f in fits if clear(s, f.evidence - now) and sound(c, f) and not slight(c, s, f, sizes)]
+        if not self._explains(fits) and (most > FLOOR or (self.settings.weigh and coloured(self.result))):
+            dear = self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
+            fits = _gained([*fits, *dear], now)
+        fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
+        self._remember(fits)
+        good = [(c, s, f) for c, s, f in fits if clear(s, f.gain) and sound(c, f) and not slight(c, s, f, sizes)]
         good = [(c, s, f) for c, s, f in good if not trifling(c, f, self.accepted, self.result, sizes)]
         if not good and (constant := steady(self.result, candidates, sizes)):
-            last = self._fits([(c, None) for c in constant])
-            now += counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
-            self._remember(last, now)
-            fits += last
-            good = [(c, s, f) for c, s, f in last if clear(s, f.evidence - now) and sound(c, f)]
+            without = counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
+            last = _gained(self._fits([(c, None) for c in constant]), replace(now, nats=now.nats + without))
+            self._remember(last)
+            fits = [*fits, *last]
+            good = [(c, s, f) for c, s, f in last if clear(s, f.gain) and sound(c, f)]
         if not good:
             return False
-        best = simplest([(f, f[1], f[2].evidence - now, (f[0].rank, f[0].size)) for f in good])
-        self._keep(base, self._set_in(best), fits, found, sizes, now)
+        best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
+        self._keep(base, self._set_in(best), fits, found, sizes)
         return True
 
     def _set_in(self, best: Judged) -> Judged:
         """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
         for _ in range(DATES):
             c, s, f = best
-            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.solution is None:
+            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.worth.solution is None:
                 return best
             self.say(f"when {c.title} sets in")
-            there = Linearised(f.solution)
-            again = [d for d in library(f.problem, f.model, f.solution, brought=set(c.brought)) if d.key == c.key]
+            there = Linearised(f.worth.solution)
+            again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
             looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
             if f.result is None or not looks:
                 return best
@@ -305,9 +309,11 @@ class Search:
                 return best
             look = replace(s.look, candidate=since)
             (again_fitted,) = self._fits([(since, replace(s, look=look, estimate=strengths))])
-            if again_fitted[2].evidence < f.evidence or not sound(since, again_fitted[2]):
+            c, s, f_again = again_fitted
+            more = f_again.worth.over(f.worth)
+            if more < 0 or not sound(since, f_again):
                 return best
-            best = again_fitted
+            best = c, s, replace(f_again, gain=f.gain + more)
         return best
 
     def _fits(self, wanted: list[tuple[Candidate, Screened | None]]) -> list[Judged]:
@@ -334,20 +340,20 @@ class Search:
                 self.kept.put(name, fit)
         return [(c, s, found[name]) for (c, s), name in zip(wanted, names, strict=True)]
 
-    def _explains(self, fits: list[Judged], now: float) -> bool:
+    def _explains(self, fits: list[Judged]) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
         worst = max(self.left, key=lambda p: self.left[p], default="")
         for c, s, f in fits:
-            if clear(s, f.evidence - now) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
+            if clear(s, f.gain) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
                 before = self.result.residual_places[worst].rms
                 if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
                     return True
         return False
 
-    def _remember(self, fits: list[Judged], now: float) -> None:
+    def _remember(self, fits: list[Judged]) -> None:
         for c, s, f in fits:
             explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result))
-            gained = f.evidence - now if np.isfinite(f.evidence) else None
+            gained = f.gain if np.isfinite(f.gain) else None
             self.tried.append(Tried(explanation=explanation, predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
 
     def _keep(
@@ -357,7 +363,6 @@ class Search:
         fits: list[Judged],
         found: Screen,
         sizes: Sizes,
-        now: float,
     ) -> None:
         c, s, f = best
         had = self.findings, self.accepted
@@ -367,7 +372,7 @@ class Search:
         for d, _, g in fits:
             if d.key == c.key:
                 continue
-            gap = f.evidence - g.evidence
+            gap = f.gain - g.gain
             e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g.result))
             if gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
                 rivals.append(e)
@@ -392,7 +397,7 @@ class Search:
             Finding(
                 explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
                 p_value=found.chance(s.worth) if s is not None else math.nan,
-                gain=float(f.evidence - now) + whole,
+                gain=float(f.gain) + whole,
                 change="; ".join(_change(c, f.result)),
                 share=share,
                 regime="whole record" if began is None else f"from {began:.4g} s on",
@@ -450,6 +455,12 @@ class Search:
             return "parameter"  # what explains as much by more is no reason to doubt a number that was given
         kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
         return kinds.pop() if len(kinds) == 1 else "undecided"
+
+
+def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
+    """The fits with what they gain over the model as it is."""
+    found = gains([(c.place, (c.size, c.rank), f.worth) for c, _, f in fits], now)
+    return [(c, s, replace(f, gain=gain)) for (c, s, f), gain in zip(fits, found, strict=True)]
 
 
 def _class(family: str) -> Class:

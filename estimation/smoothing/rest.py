@@ -21,7 +21,7 @@ from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
 from ..problem import Free, Problem
-from ..supposed import PARAMETER
+from ..supposed import INPUT, PARAMETER
 from .along import along
 from .law_velocity import velocity_of
 
@@ -33,6 +33,7 @@ RESTS = 0.3  # of the velocities, that are slow where a body rests and does not 
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
+ANY_ROOM = 1.01  # the same from which on it has room at all
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
 TINY = 1e-300  # strength that still marks an interval near rest
 VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
@@ -227,8 +228,20 @@ def near_rest(std: Array) -> Room:
 
 def rows_near_rest(solution: Solution, number: int) -> dict[int, Room]:
     """Place -> which samples of a horizon are in such intervals, (n,); one at a knot has a part in both."""
+    return _rows(solution, number, near_rest(solution.transcription.force_std_at(solution.values)))
+
+
+def rows_with_room(solution: Solution, number: int) -> dict[int, Room]:
+    """The same of intervals with any room at all for rest, however large the residual forces are elsewhere."""
     t = solution.transcription
-    horizon, room = t.horizons[number], near_rest(t.force_std_at(solution.values))
+    std = t.force_std_at(solution.values)
+    measured = np.array([t.dae.places[k].name.startswith(INPUT) for k in t.soft], dtype=np.bool_)
+    return _rows(solution, number, (std > ANY_ROOM * std.min(axis=1, keepdims=True, initial=np.inf)) & ~measured[:, None])
+
+
+def _rows(solution: Solution, number: int, room: Room) -> dict[int, Room]:
+    t = solution.transcription
+    horizon = t.horizons[number]
     interval, tau = horizon.mesh.locate(horizon.time)
     here = t.offsets[number] + interval
     before = here - ((tau == 0) & (interval > 0))

@@ -52,10 +52,13 @@ class Step:
 class Innovations:
     """One horizon. errors (n, ny): measured less predicted, over its deviation; NaN where there is no sample or where it tells beta.
 
-    u (m,), E (m, k + np): the regression above, in the order of the filter. steps: of all intervals. log_roots: sum of log L_jj.
+    log_densities (n, ny): of the samples [1/unit], each given all before; of one that tells beta, of which nothing was known, without
+    meaning, and 0 where there is none. u (m,), E (m, k + np): the regression above, in the order of the filter. steps: of all intervals.
+    log_roots: sum of log L_jj.
     """
 
     errors: Array
+    log_densities: Array
     u: Array
     E: Array
     steps: tuple[Step, ...]
@@ -99,7 +102,8 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     np_ = links.H.shape[2]
     size = np.sqrt(sum(np.sum(E[:, E.shape[1] - np_ :] ** 2, axis=0) for _, E, _, _ in runs))
     R, d = _absorbed(_weak(size), np.zeros(np_), links.known_parameters)
-    horizons, first_root, squares = [], 0.0, 0.0
+    horizons, first_root, squares, first = [], 0.0, 0.0, 0
+    scale = solution.values.scale[solution.term("samples")].T
     for (u, E, steps, log_roots), where, known, horizon in zip(runs, places, links.known, t.horizons, strict=True):
         k = E.shape[1] - np_
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
@@ -111,7 +115,11 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         squares += float(w @ w)
         errors = np.full((len(horizon.time), len(t.dae.outputs)), np.nan)
         errors[where[:, 0], where[:, 1]] = np.where(variance < LARGEST, w, np.nan)
-        horizons.append(Innovations(errors=errors, u=u, E=E, steps=steps, log_roots=log_roots))
+        densities = np.zeros(errors.shape)
+        of_rows = -0.5 * (w**2 + np.log(2.0 * np.pi * variance)) - log_roots
+        densities[where[:, 0], where[:, 1]] = of_rows + np.log(scale[first + where[:, 0], where[:, 1]])
+        first += len(horizon.time)
+        horizons.append(Innovations(errors=errors, log_densities=densities, u=u, E=E, steps=steps, log_roots=float(np.sum(log_roots))))
         first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
         R, d = root[k:, k:], right[k:]
     return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, squares=squares, determined=solution.determined)
@@ -130,8 +138,8 @@ def _weak(size: Array) -> Array:
 
 def _filter(
     links: Chain, number: int, intervals: range, part: slice, owner: Index
-) -> tuple[tuple[Array, Array, tuple[Step, ...], float], Index]:
-    """(u, E, steps, log_roots) of one horizon, and sample and output of every innovation."""
+) -> tuple[tuple[Array, Array, tuple[Step, ...], Array], Index]:
+    """(u, E, steps, log L_jj) of one horizon, and sample and output of every innovation."""
     nx, Z, np_ = links.F.shape[2], links.first[number], links.H.shape[2]
     where = np.argwhere(np.isfinite(links.rows[part]))
     sample, output = where.T
@@ -166,7 +174,7 @@ def _filter(
         P = (P + P.T) / 2
         roots[at] = np.diag(L)
         steps.append(Step(samples=at, L=L, D=D_k, A=A_k, K=K, noise_x=e_x, noise_y=e_y))
-    return (-d[:, 0], d[:, 1:], tuple(steps), float(np.sum(np.log(roots)))), where
+    return (-d[:, 0], d[:, 1:], tuple(steps), np.log(roots)), where
 
 
 def _root(matrix: Array) -> Array:

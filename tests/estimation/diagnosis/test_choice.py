@@ -260,13 +260,13 @@ def test_where_a_plain_law_falls_short_of_its_score_the_law_that_it_stood_for_is
     found = screen(drag, elsewhere, stribeck, little)
 
     def fit(gained: float) -> tuple:
-        return drag.candidate, drag, SimpleNamespace(evidence=1000.0 + gained)
+        return drag.candidate, drag, SimpleNamespace(gain=gained)
 
-    assert stood_for(found, None, [fit(150.0)], 1000.0) == []
-    assert stood_for(found, None, [fit(42.0)], 1000.0) == [stribeck]
-    assert stood_for(found, None, [fit(-np.inf)], 1000.0) == [stribeck]
-    both = [fit(42.0), (stribeck.candidate, stribeck, SimpleNamespace(evidence=1900.0))]
-    assert stood_for(found, None, both, 1000.0) == []
+    assert stood_for(found, None, [fit(150.0)]) == []
+    assert stood_for(found, None, [fit(42.0)]) == [stribeck]
+    assert stood_for(found, None, [fit(-np.inf)]) == [stribeck]
+    both = [fit(42.0), (stribeck.candidate, stribeck, SimpleNamespace(gain=900.0))]
+    assert stood_for(found, None, both) == []
 
 
 def test_a_law_replaces_another_of_which_it_leaves_nothing():

@@ -92,4 +92,4 @@ def test_it_is_the_best_friction_there_and_its_coefficient_comes_back(loaded):
     mu = fit.result.parameters[first.candidate.strengths[0]]
     assert abs(mu.value - MU) < 4 * mu.std
     assert mu.std < 0.02 * MU
-    assert fit.evidence > evidence(problem, result) + 50
+    assert fit.worth.nats > evidence(problem, result) + 50

@@ -106,7 +106,7 @@ def test_a_fit_finds_what_was_concealed(lacking, name):
     assert not found.failed
     f_c = found.result.parameters[f"{name}_carriage.f_c"]
     assert f_c.value == pytest.approx(20.0, abs=max(3.5 * f_c.std, 0.6))
-    assert found.evidence > evidence(problem, result) + 50
+    assert found.worth.nats > evidence(problem, result) + 50
     away = pickle.loads(pickle.dumps(found))
     assert away.whole.solution is not None
     assert away.whole.parameters[f"{name}_carriage.f_c"].value == f_c.value
@@ -129,8 +129,8 @@ def test_two_names_of_one_effect_have_one_evidence_in_whatever_units():
     drift = next(c for c in of_sensor(problem.model, "x", [], 2e-3, 1.0) if c.physics == "sensor_drift")
     force, moved = (fitted(problem, problem.model, base.solution, c, begun(c, None, {})) for c in (law("constant_force"), drift))
     assert force.result.criteria.log_likelihood == pytest.approx(moved.result.criteria.log_likelihood, abs=0.05)
-    assert force.evidence == pytest.approx(moved.evidence, abs=0.1)
-    assert force.evidence > evidence(problem, base) + 50
+    assert force.worth.nats == pytest.approx(moved.worth.nats, abs=0.1)
+    assert force.worth.nats > evidence(problem, base) + 50
 
 
 def test_what_is_not_there_has_evidence_against_it_in_whatever_units():
@@ -138,7 +138,7 @@ def test_what_is_not_there_has_evidence_against_it_in_whatever_units():
     base = smooth(problem)
     for name in ("cubic_spring", "spring", "constant_force"):
         c = law(name)
-        assert fitted(problem, problem.model, base.solution, c, begun(c, None, {})).evidence < evidence(problem, base)
+        assert fitted(problem, problem.model, base.solution, c, begun(c, None, {})).worth.nats < evidence(problem, base)
 
 
 def test_friction_that_hardly_stands_out_of_the_forces_is_borne_out():
@@ -183,9 +183,9 @@ def test_a_fit_that_cannot_be_posed_says_why():
     c = replace(friction, edits=(replace(friction.edits[0], place="cariage.flange"),))
     found = fitted(problem, problem.model, None, c, {})
     assert "no component 'cariage'" in found.failed
-    assert found.evidence == -np.inf
+    assert found.worth.nats == -np.inf
     assert found.whole is None
-    assert Fitted(candidate=c).evidence == -np.inf
+    assert Fitted(candidate=c).worth.nats == -np.inf
 
 
 def test_friction_that_is_higher_at_rest_starts_at_the_level_that_is_there_at_rest_too():

@@ -23,15 +23,21 @@ def test_they_are_the_whitened_samples_where_start_and_parameters_are_known(meth
     fine = Settings(method=method, step=STEP, degree=3)
     _, solution = problem(y, settings=fine, parameters=FIXED, initial={"mass.s": 0.0, "mass.v": 0.0})
     mean, C, _ = dense(80)
-    whitened = solve_triangular(np.linalg.cholesky(C), y - mean, lower=True)
-    assert innovations(solution).horizons[0].errors[:, 0] == pytest.approx(whitened, abs=2e-3)
+    root = np.linalg.cholesky(C)
+    whitened = solve_triangular(root, y - mean, lower=True)
+    run = innovations(solution).horizons[0]
+    assert run.errors[:, 0] == pytest.approx(whitened, abs=2e-3)
+    # given those before, the k-th is normal with deviation L_kk
+    of_rows = stats.norm.logpdf(y, y - np.diag(root) * whitened, np.diag(root))
+    assert run.log_densities[:, 0] == pytest.approx(of_rows, abs=2e-3)
 
 
 def test_what_is_unknown_of_start_and_offset_is_known_from_the_samples_before_only():
     y = many(80, 1, np.random.default_rng(2))[0] + 1e-3 * np.random.default_rng(3).normal(size=80)
     _, solution = problem(y, settings=Settings(step=STEP, degree=3), parameters={**FIXED, "offset.f": Free(0.0)})
     mean, C, effect = dense(80)
-    errors = innovations(solution).horizons[0].errors[:, 0]
+    run = innovations(solution).horizons[0]
+    errors = run.errors[:, 0]
     told = np.isnan(errors)
     assert 3 <= np.sum(told) <= 8
     for k in np.flatnonzero(~told):
@@ -41,6 +47,8 @@ def test_what_is_unknown_of_start_and_offset_is_known_from_the_samples_before_on
         beta = np.linalg.lstsq(rows[:k], seen[:k], rcond=None)[0]
         spread = 1 + rows[k] @ np.linalg.inv(rows[:k].T @ rows[:k]) @ rows[k]
         assert errors[k] == pytest.approx((seen[k] - rows[k] @ beta) / np.sqrt(spread), abs=5e-3)
+        expected = stats.norm.logpdf(seen[k] - rows[k] @ beta, scale=np.sqrt(spread)) - np.log(L[k, k])
+        assert run.log_densities[k, 0] == pytest.approx(expected, abs=2e-2)
 
 
 def test_missing_samples_and_their_squares_add_up_to_twice_the_cost():

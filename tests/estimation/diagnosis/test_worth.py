@@ -1,0 +1,82 @@
+"""Comparisons of models on an axis that stands still for a part of its record; the truth sticks by events, not by a smooth law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.data.generators.sliding import Body, Motion, respond
+from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation.diagnosis.refit import evidence
+from backsight.estimation.diagnosis.worth import NONE, Worth, gains
+from backsight.estimation.smoothing.program import Settings
+from backsight.models import compile_model
+from backsight.models.plants import actuator
+
+STEP, DAE = 0.002, compile_model(actuator())
+FREE = {"carriage.m": Free(60.0), "friction.d": Free(100.0), "friction.f_c": Free(10.0), "offset.f": Free(0.0)}
+
+
+def record() -> tuple[Recording, np.ndarray]:
+    """Strokes with rests of half a second between them, in which the motor pulls less than friction holds; and which rows stand still."""
+    t = np.arange(0.0, 6.0, STEP)
+    stroke = 90.0 * np.sin(2 * np.pi * 1.3 * t) + 60.0 * np.sin(2 * np.pi * 3.1 * t)
+    force = np.where((t % 2.0) < 1.5, stroke, 5.0 * np.sin(2 * np.pi * 2.0 * t))
+    x, v = (a[:-1] for a in respond(Body(m=95.0, d=203.0, f_c=20.0), force, STEP, Motion()))
+    noise = 2e-6 * np.random.default_rng(0).standard_normal(len(t))
+    return Recording(name="axis", time=t, inputs={"F": force}, outputs={"x": x + noise}, output_std={"x": 2e-6}), v == 0.0
+
+
+RECORDING, STILL = record()
+
+
+def worth(**given: float) -> Worth:
+    """Of the axis with these parameters held."""
+    problem = Problem(model=DAE, recordings=[RECORDING], parameters={**FREE, **{k.replace("_", ".", 1): v for k, v in given.items()}})
+    result = smooth(problem, settings=Settings(check_mesh=False))
+    assert result.solver.converged
+    return Worth(nats=evidence(problem, result), solution=result.solution)
+
+
+SHARP = worth(friction_width=5e-4)
+
+
+def test_a_sign_that_is_rounder_says_nothing_of_the_machine():
+    """The same law with four times the width: evidence takes its creep at every rest for worse, and nothing but that."""
+    round_one = worth(friction_width=2e-3)
+    assert round_one.nats - SHARP.nats < -80.0
+    assert -20.0 < round_one.over(SHARP) < 5.0
+    assert SHARP.over(round_one) == pytest.approx(-round_one.over(SHARP))
+
+
+def test_rests_are_where_the_axis_stands_still():
+    (rows,) = SHARP.rests.values()
+    assert np.mean(rows[STILL]) > 0.9
+    assert 0.1 < np.mean(rows) < 0.4
+
+
+def test_strengths_are_compared_by_what_they_are_in_motion():
+    """A level a tenth too low is less likely in motion by more than it is at rest, where it holds the axis as well."""
+    weak = worth(friction_f_c=18.0)
+    assert weak.over(SHARP) < weak.nats - SHARP.nats < -100.0
+
+
+def test_against_a_model_without_friction_rests_count():
+    free = worth(friction_f_c=0.0)
+    assert not free.rests
+    assert free.over(SHARP) == free.nats - SHARP.nats < -500.0
+
+
+def test_a_model_without_evidence_is_no_match():
+    assert NONE.over(SHARP) == NONE.over(NONE) == -np.inf
+    assert SHARP.over(NONE) == np.inf
+
+
+def test_a_richer_law_counts_against_the_plainest_one_of_its_place():
+    """Both laws are new to the base: what tells them apart is how they move, and what tells them from the base is the plain one's whole."""
+    base, plain, rich = worth(friction_f_c=0.0), SHARP, worth(friction_width=2e-3)
+    found = gains([("carriage", (2, 7), rich), ("carriage", (1, 9), plain), ("motor", (1, 0), base)], base)
+    assert found == pytest.approx([plain.over(base) + rich.over(plain), plain.over(base), 0.0])
+    assert found[0] > rich.over(base) + 50.0
+    # a plain one that has not arrived is none to count against
+    assert gains([("carriage", (2, 7), rich), ("carriage", (1, 9), NONE)], base) == [rich.over(base), -np.inf]
