@@ -146,7 +146,7 @@ def matters(s: Screened, sizes: Sizes) -> bool:
 
 
 def sound(c: Candidate, f: Fitted) -> bool:
-    """Whether its strengths are told, to less than SPREAD of the largest, and are such as it has.
+    """Whether its strengths are told, to less than SPREAD of the largest of their unit, and are such as it has.
 
     Of a coupling that is its play or its stiffness, of a level that waves by how much it does.
     """
@@ -159,9 +159,11 @@ def sound(c: Candidate, f: Fitted) -> bool:
     told = [p for n in means if (p := f.result.parameters.get(n)) is not None and p.std is not None]
     if not told:
         return False
-    nothing = _nothing(c)
-    largest = max(abs(p.value - nothing.get(p.name, c.neutral(p.name))) for p in told)
-    return max(p.std or 0.0 for p in told) < (SPREAD_OF_COUPLINGS if c.dear else SPREAD) * largest
+    nothing, spread = _nothing(c), SPREAD_OF_COUPLINGS if c.dear else SPREAD
+    alike = dict[str, list[tuple[float, float]]]()
+    for p in told:
+        alike.setdefault(p.unit, []).append((p.std or 0.0, abs(p.value - nothing.get(p.name, c.neutral(p.name)))))
+    return all(max(std for std, _ in one) < spread * max(size for _, size in one) for one in alike.values())
 
 
 def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:

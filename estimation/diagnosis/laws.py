@@ -19,7 +19,7 @@ from backsight.models.mechanics import translational as sliding
 
 from ..smoothing.rest import ROUNDING, VELOCITY_UNITS
 from .candidates import Candidate, Insert
-from .places import Spot, at_hand, free_name, own_name
+from .places import Spot, at_hand, free_name, lent, own_name
 
 FINEST = 60.0  # periods in the span of the positions up to which all are looked at
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
@@ -217,10 +217,9 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
             owner, _, parameter = base.rpartition(".")
             if model.components[owner].declared_parameters[parameter].min > 0:
                 continue  # a law that cannot be nothing stays
-            called = own_name(model, base)
-            if called != base and list(model.bindings.values()).count(called) > 1:
-                continue  # it is that of another component too
-            absorbed[called] = " ".join(f"{name}.{own.get(w, w)}" for w in instead.split())
+            if lent(model, base):
+                continue
+            absorbed[own_name(model, base)] = " ".join(f"{name}.{own.get(w, w)}" for w in instead.split())
     shapes = {f"{name}.{own.get(word, word)}": grid for word, grid in law.shapes(motion).items()}
     declared = component.declared_parameters
     strengths = tuple(f"{name}.{own[w]}" for w in law.strengths)

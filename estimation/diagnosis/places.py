@@ -82,6 +82,12 @@ def own_name(model: Model, path: str) -> str:
     return model.bindings.get(path, path)
 
 
+def lent(model: Model, path: str) -> bool:
+    """Whether a parameter of the model stands for that of another component too."""
+    called = own_name(model, path)
+    return called != path and list(model.bindings.values()).count(called) > 1
+
+
 def free_name(model: Model, name: str) -> str:
     """The name, with underscores behind it as long as a component has it already."""
     while name in model.components:

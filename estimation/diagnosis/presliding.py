@@ -21,7 +21,7 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Insert, Signal
 from .laws import Motion, flange_of
-from .places import Spot, at_hand, free_name, own_name
+from .places import Spot, at_hand, free_name, lent, own_name
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -51,13 +51,13 @@ def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, fl
     """The candidate at a body that has a friction level. values: of the model's parameters."""
     slides = spot.kind == "translational"
     word, rate = ("f_c", "v") if slides else ("tau_c", "omega")
-    found = [path for path in at_hand(model, spot, (word,)).get(word, ()) if _alone(model, path)]
+    found = [path for path in at_hand(model, spot, (word,)).get(word, ()) if _alone(model, path) and not lent(model, path)]
     levels = [path for path in found if values.get(own_name(model, path), 0.0) > 0]
     if len(levels) != 1 or not motion.span > 0:
         return []
     (base,) = levels
     level = values[own_name(model, base)]
-    width = values.get(f"{base.rpartition('.')[0]}.width", motion.width)
+    width = values.get(own_name(model, f"{base.rpartition('.')[0]}.width"), motion.width)
     grid = [float(level / (way * motion.span)) for way in WAYS]
     kind = sliding.DahlFriction if slides else turning.RotationalDahlFriction
     name = free_name(model, f"presliding_friction_{spot.name}")

@@ -147,7 +147,7 @@ def test_friction_that_is_least_at_rest_is_no_stribeck_friction(static, is_one):
     law = next(law for law in AGAINST_GROUND if law.physics == "stribeck_friction")
     c = of_law(law, problem.model, spot, Motion(v_rms=0.1, low=-0.05, high=0.05))
     values = {"f_c": 10.0, "f_s": static, "v_s": 0.02}
-    told = {c.named[w]: SimpleNamespace(name=c.named[w], value=v, std=v / 100) for w, v in values.items()}
+    told = {c.named[w]: SimpleNamespace(name=c.named[w], value=v, std=v / 100, unit="N") for w, v in values.items()}
     assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
 
 
@@ -182,7 +182,7 @@ def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_whit
 
 @pytest.mark.parametrize(("std", "of_coupling", "of_strength"), [(0.2, True, True), (0.4, True, False), (0.6, False, False)])
 def test_of_a_coupling_evidence_tells_more_than_its_numbers(std, of_coupling, of_strength):
-    told = {"string_2.k": SimpleNamespace(name="string_2.k", value=1.0, std=std)}
+    told = {"string_2.k": SimpleNamespace(name="string_2.k", value=1.0, std=std, unit="N.m/rad")}
     for dear, is_one in ((True, of_coupling), (False, of_strength)):
         c = Candidate(place="string", family="transmission", physics="compliance", start={"string_2.k": (2.0, 0.1, 10.0)}, dear=dear)
         assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
@@ -192,7 +192,7 @@ def test_play_is_told_by_its_gap_and_a_level_that_waves_by_its_waves():
     """Not by the largest number that comes with it."""
 
     def told(**numbers: tuple[float, float]) -> SimpleNamespace:
-        parameters = {n: SimpleNamespace(name=n, value=v, std=s, on_bound=False) for n, (v, s) in numbers.items()}
+        parameters = {n: SimpleNamespace(name=n, value=v, std=s, on_bound=False, unit=n) for n, (v, s) in numbers.items()}
         return SimpleNamespace(parameters=parameters)
 
     start, words = {"gap": (1e-3, 0.0, 1.0), "k": (1e6, 1.0, 1e9)}, {"gap": "gap", "k": "k"}
@@ -206,6 +206,10 @@ def test_play_is_told_by_its_gap_and_a_level_that_waves_by_its_waves():
     for std, is_one in ((0.1, True), (0.4, False)):
         result = told(**{"w.f_c": (20.0, 0.1), "w.amplitude": (0.8, std)})
         assert sound(wave, Fitted(candidate=wave, result=result)) is is_one
+    bent = {"sigma_0": (10.0, 0.1, np.inf), "f_c": (20.0, 0.1, np.inf)}
+    preslides = Candidate(place="carriage", family="friction", physics="presliding_friction", edits=edits, start=bent)
+    for std, is_one in ((2.0, True), (5.0, False)):
+        assert sound(preslides, Fitted(candidate=preslides, result=told(sigma_0=(10.0, std), f_c=(20.0, 0.1)))) is is_one
 
 
 @pytest.mark.parametrize(("gap", "is_nothing"), [(5e-5, True), (0.01, False)])

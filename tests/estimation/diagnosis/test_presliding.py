@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,7 +12,7 @@ from backsight.estimation.diagnosis.candidates import Insert
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.presliding import bristles, of_presliding
-from backsight.models import compile_model
+from backsight.models import Parameter, compile_model
 from backsight.models.mechanics.translational import DahlFriction, Friction, StribeckFriction
 from backsight.models.plants import actuator, drillstring
 
@@ -76,3 +78,16 @@ def test_a_level_that_is_not_all_of_its_law_stays() -> None:
         found = of_presliding(edited, carriage, motion, {"friction.f_c": 0.0, "own.f_c": 20.0})
         assert [c.absorbs for c in found] == ([{"own.f_c": f"{found[0].named['f_c']}"}] if name == "coulomb_friction" else [])
     assert len(of_presliding(model, carriage, motion, values)) == 1
+
+
+def test_a_level_that_two_bodies_share_stays_and_a_width_by_another_name_is_found() -> None:
+    model, motion = actuator(), Motion(v_rms=0.1, low=-0.1, high=0.1)
+    (carriage,) = bodies(model)
+    level = Parameter("N", 20.0, min=0.0, description="level")
+    width = Parameter("m/s", 1e-3, min=1e-9, description="width")
+    own = replace(model, parameters={"level": level, "w": width}, bindings={"friction.f_c": "level", "friction.width": "w"})
+    (c,) = of_presliding(own, carriage, motion, {"level": 20.0, "w": 3e-3})
+    assert list(c.absorbs) == ["level"]
+    assert all(signal.changed.keywords["width"] == 3e-3 for signal in c.signals)
+    both = replace(own, bindings={**own.bindings, "offset.f": "level"})
+    assert of_presliding(both, carriage, motion, {"level": 20.0, "w": 3e-3}) == []
