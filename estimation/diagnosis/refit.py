@@ -1,7 +1,8 @@
 """A candidate as a full problem: the edited model with its parameters free beside those of the base model, smoothed anew.
 
 Weights that the base problem leaves open are chosen again, so what the candidate explains leaves the residual forces. It starts where the
-base model arrived (`smoothing/begun.py`).
+base model arrived (`smoothing/begun.py`), but for friction that may hold a body of which no output tells: a model without it never holds
+that body, and no small steps lead from there to one that sticks. Such a fit is started as that of any study.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.begun import Begun, force_stds
 from ..smoothing.program import Settings
+from ..smoothing.rest import strengths_at_rest
 from ..smoothing.smoother import OutOfTime, smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
@@ -35,7 +37,6 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
-LOOSE = (100.0, 10.0)  # times the deviation of its residual force that a body has on the way to a law that may hold it
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
 
 
@@ -148,8 +149,8 @@ def fitted(
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
             weighed = with_weights_of(begin, now)
-            if candidate.family == "friction":
-                weighed, there = _loosely(weighed, there, candidate.place, settings)
+        if candidate.family == "friction" and candidate.place in hidden(now) - strengths_at_rest(begin).keys():
+            there = None
         result = smoothing(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
@@ -171,20 +172,6 @@ def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], set
 @lru_cache(maxsize=1)
 def _shared(blob: bytes) -> Any:
     return pickle.loads(blob)
-
-
-def _loosely(problem: Problem, begin: Begun | None, place: str, settings: Settings) -> tuple[Problem, Begun | None]:
-    """Guesses and a start nearer to the end, where friction is to hold a body of which no output tells: that is led there by and by."""
-    std = problem.weights.W.get(place)
-    if begin is None or std is None or place not in hidden(problem):
-        return problem, begin
-    for factor in LOOSE:
-        looser = replace(problem, weights=replace(problem.weights, W={**problem.weights.W, place: factor * std}))
-        result = smoothing(looser, settings=settings, begin=begin)
-        if result.solution is None or not np.all(np.isfinite(result.solution.solved.decisions)):
-            break
-        problem, begin = settled(problem, result), Begun.at(result.solution)
-    return problem, begin
 
 
 def hidden(problem: Problem) -> set[str]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import stats
-from scipy.linalg import lapack
+from scipy.linalg import blas
 
 from backsight.ocp import Solution
 from backsight.ocp.polynomials import radau_weights
@@ -39,7 +39,7 @@ def smoothed_noises(run: Innovations, v: Array) -> Array:
         s = steps[i]
         a = v[s.samples] - s.K.T @ ahead
         if a.size:
-            a = lapack.dtrtrs(s.L, a, lower=1, trans=1)[0]
+            a = blas.dtrsm(1.0, s.L, a, lower=1, trans_a=1)
         out[i] = s.noise_y.T @ a + s.noise_x.T @ ahead
         ahead = s.D.T @ a + s.A.T @ ahead
     return out

@@ -17,7 +17,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import blas, lapack
 
 from backsight.ocp import Solution
 
@@ -188,8 +188,8 @@ def _root(matrix: Array) -> Array:
 
 
 def _solved(L: Array, right: Array) -> Array:
-    """L^-1 right."""
-    return np.asarray(lapack.dtrtrs(L, right, lower=1)[0]) if L.size else right
+    """L^-1 right. Not by LAPACK's dtrtrs, which starts threads for the smallest system."""
+    return np.asarray(blas.dtrsm(1.0, L, right, lower=1)) if L.size else right
 
 
 def _absorbed(R: Array, d: Array, rows: Array) -> tuple[Array, Array]:
@@ -211,10 +211,10 @@ def _recursive(u: Array, E: Array, R: Array, d: Array) -> tuple[Array, Array, Ar
     w, variance = np.empty(len(u)), np.empty(len(u))
     for k in range(0, len(u), CHUNK):
         part = slice(k, k + CHUNK)
-        spread = solve_triangular(R, E[part].T, trans="T").T if R.size else np.zeros((len(u[part]), 0))
+        spread = blas.dtrsm(1.0, R, E[part].T, trans_a=1).T if R.size else np.zeros((len(u[part]), 0))
         C = np.linalg.cholesky(np.eye(len(spread)) + spread @ spread.T)
         # E R^-1 d: the prediction by what was read so far
-        w[part] = solve_triangular(C, u[part] - spread @ d, lower=True)
+        w[part] = blas.dtrsv(C, u[part] - spread @ d, lower=1)
         variance[part] = np.diag(C) ** 2
         R, d = _triangular(np.hstack([R, d[:, None]]), np.hstack([E[part], u[part][:, None]]))
     return w, variance, R, d

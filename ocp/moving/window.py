@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
+from scipy.linalg import blas
 from scipy.optimize import lsq_linear
 
 from ..polynomials import Array
@@ -365,7 +365,7 @@ class Window:
         R, d = Rd[:, :-1], Rd[:, -1]
         size = lengths(R)
         if np.abs(np.diag(R) / size).min() > SINGULAR:
-            s = np.asarray(lapack.dtrtrs(R, -d)[0])
+            s = np.asarray(blas.dtrsv(R, -d))
         else:
             s = np.linalg.lstsq(R / size, -d, rcond=SINGULAR)[0] / size
         lower, upper = self.bounds[0] - here, self.bounds[1] - here
