@@ -22,6 +22,7 @@ from .verdict import Explanation, Strength
 T = TypeVar("T")
 
 CLEAR = 6.0  # nats of evidence that an effect has to bring
+DOUBTS = 2.0  # deviations of that evidence that it has to be, where no score tells what it is worth
 RIVAL = 3.0  # nats within which two explanations cannot be told apart
 FITTED, EACH, MOST = 4, 1, 6  # candidates that are fitted in a round: the best, of every other place, in all
 SURELY = 2  # and the best of them for what their gains are worth
@@ -208,9 +209,9 @@ def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smo
     return was is not None and now is not None and was.rms**2 - now.rms**2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
 
 
-def clear(s: Screened | None, gained: float) -> bool:
+def clear(s: Screened | None, f: Fitted) -> bool:
     """Whether a fit brought as much evidence as an effect has to, for what that is worth beside residuals that are not white."""
-    return gained > CLEAR * (1.0 if s is None else s.inflation)
+    return f.gain > (max(CLEAR, DOUBTS * f.doubt) if s is None else CLEAR * s.inflation)
 
 
 def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, int]]]) -> T:

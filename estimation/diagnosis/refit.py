@@ -44,7 +44,7 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 class Fitted:
     """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time.
 
-    gain: nats over the model without it (`worth.py`).
+    gain: nats over the model without it, and their doubt (`worth.py`) where no score tells what they are worth.
     """
 
     candidate: Candidate
@@ -55,6 +55,7 @@ class Fitted:
     failed: str = ""
     late: bool = False
     gain: float = -np.inf
+    doubt: float = 0.0
 
     @property
     def whole(self) -> Smoothing | None:

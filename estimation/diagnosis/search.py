@@ -59,6 +59,7 @@ Judged = tuple[Candidate, Screened | None, Fitted]
 
 EFFECTS = 4
 DATES = 3  # times that the date of what sets in is sought anew
+HINT = 0.25  # of the floor: with as much left over, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
@@ -268,19 +269,19 @@ class Search:
         more = self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits))])
         fits = _gained([*fits, *more], now)
         most = max(sizes.left.values(), default=0.0)
-        if not self._explains(fits) and (most > FLOOR or (self.settings.weigh and coloured(self.result))):
+        if not self._explains(fits) and (most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))):
             dear = self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
         self._remember(fits)
-        good = [(c, s, f) for c, s, f in fits if clear(s, f.gain) and sound(c, f) and not slight(c, s, f, sizes)]
+        good = [(c, s, f) for c, s, f in fits if clear(s, f) and sound(c, f) and not slight(c, s, f, sizes)]
         good = [(c, s, f) for c, s, f in good if not trifling(c, f, self.accepted, self.result, sizes)]
         if not good and (constant := steady(self.result, candidates, sizes)):
             without = counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
             last = _gained(self._fits([(c, None) for c in constant]), replace(now, nats=now.nats + without))
             self._remember(last)
             fits = [*fits, *last]
-            good = [(c, s, f) for c, s, f in last if clear(s, f.gain) and sound(c, f)]
+            good = [(c, s, f) for c, s, f in last if clear(s, f) and sound(c, f)]
         if not good:
             return False
         best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
@@ -344,7 +345,7 @@ class Search:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
         worst = max(self.left, key=lambda p: self.left[p], default="")
         for c, s, f in fits:
-            if clear(s, f.gain) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
+            if clear(s, f) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
                 before = self.result.residual_places[worst].rms
                 if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
                     return True
@@ -460,7 +461,8 @@ class Search:
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
     """The fits with what they gain over the model as it is."""
     found = gains([(c.place, (c.size, c.rank), f.worth) for c, _, f in fits], now)
-    return [(c, s, replace(f, gain=gain)) for (c, s, f), gain in zip(fits, found, strict=True)]
+    doubts = [f.worth.doubt(now) if s is None and np.isfinite(f.worth.nats) else 0.0 for _, s, f in fits]
+    return [(c, s, replace(f, gain=gain, doubt=doubt)) for (c, s, f), gain, doubt in zip(fits, found, doubts, strict=True)]
 
 
 def _class(family: str) -> Class:

@@ -174,10 +174,18 @@ def test_a_third_law_of_one_family_has_to_take_as_much_as_matters_from_what_is_l
 
 def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_white():
     white = screened("carriage", "coulomb_friction", 50.0)
-    assert clear(white, 1.1 * CLEAR)
-    assert not clear(replace(white, inflation=4.0), 3.9 * CLEAR)
-    assert clear(replace(white, inflation=4.0), 4.1 * CLEAR)
-    assert clear(None, 1.1 * CLEAR)  # what has no score is judged by its fit alone
+
+    def fit(gain: float, doubt: float = 0.0) -> Fitted:
+        return Fitted(candidate=white.candidate, gain=gain * CLEAR, doubt=doubt * CLEAR)
+
+    assert clear(white, fit(1.1))
+    assert not clear(replace(white, inflation=4.0), fit(3.9))
+    assert clear(replace(white, inflation=4.0), fit(4.1))
+    # what has no score is judged by its fit alone
+    assert clear(None, fit(1.1))
+    assert not clear(None, fit(0.9))
+    assert not clear(None, fit(3.9, doubt=2.0))
+    assert clear(None, fit(4.1, doubt=2.0))
 
 
 @pytest.mark.parametrize(("std", "of_coupling", "of_strength"), [(0.2, True, True), (0.4, True, False), (0.6, False, False)])

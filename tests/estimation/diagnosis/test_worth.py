@@ -67,6 +67,14 @@ def test_against_a_model_without_friction_rests_count():
     assert free.over(SHARP) == free.nats - SHARP.nats < -500.0
 
 
+def test_doubt_is_that_of_sums_over_parts_of_the_record():
+    """A gain that is the same everywhere leaves none, and of one that is all of a single part nobody can be sure."""
+    assert SHARP.doubt(SHARP) == SHARP.doubt(NONE) == 0.0
+    other = worth(friction_width=2e-3)
+    less = worth(friction_f_c=18.0)
+    assert 0.0 < other.doubt(SHARP) < less.doubt(SHARP) < abs(less.over(SHARP))
+
+
 def test_a_model_without_evidence_is_no_match():
     assert NONE.over(SHARP) == NONE.over(NONE) == -np.inf
     assert SHARP.over(NONE) == np.inf
