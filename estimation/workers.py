@@ -54,10 +54,12 @@ def as_finished(pool: Executor, calls: Iterable[tuple[K, Callable[[], T]]], ahea
             yield under_way.pop(future), future.result()
 
 
-def check_jobs(jobs: int) -> None:
-    """Raise InputError unless it is a number of processes."""
+def check_workers(jobs: int, scheduler: str | None) -> None:
+    """Raise InputError unless it is a number of processes, and something answers where a cluster is said to be."""
     if jobs < 1:
         raise InputError(f"--jobs {jobs}: the number of processes must be at least 1")
+    if scheduler is not None:
+        _knock(scheduler)
 
 
 @contextmanager
@@ -66,7 +68,7 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Executor]:
 
     Raises InputError when `jobs` is not positive or the cluster cannot be reached.
     """
-    check_jobs(jobs)
+    check_workers(jobs, scheduler)
     if scheduler is not None:
         with _cluster(scheduler) as pool:
             yield pool
@@ -88,7 +90,6 @@ def _cluster(address: str) -> Iterator[Executor]:
     except ImportError:
         remedy = "install it by `pip install backsight[cluster]`, or leave --scheduler out"
         raise InputError(f"--scheduler {address}: a cluster needs dask.distributed; {remedy}") from None
-    _knock(address)
     try:
         client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

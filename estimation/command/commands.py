@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..study.study import Study
-from ..workers import check_jobs
+from ..workers import check_workers
 from .diagnosis_json import result_of_diagnosis
 from .interrupt import check, kept
 from .output import json_text, results_folder, write_estimates, write_result
@@ -76,7 +76,7 @@ def run_stream(path: Path, options: Options, state: Path | None, iterations: int
     """Track rows that come in on standard input."""
     from .stream import stream, write_stream_result
 
-    check_jobs(options.jobs)
+    check_workers(options.jobs, options.scheduler)
     study, began = Study.read(path), time.perf_counter()
     warn = None if options.quiet else sys.stderr
     with _progress(options) as say, results_folder(options.out) if options.out else nullcontext() as folder:
@@ -93,7 +93,7 @@ def run_track(path: Path, options: Options, iterations: int, *, jit: bool = True
     from ..tracking import track
     from ..tracking.estimator import SAMPLES
 
-    check_jobs(options.jobs)
+    check_workers(options.jobs, options.scheduler)
     study, out = Study.read(path), options.out or _named_after(path, "_tracked")
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
@@ -115,7 +115,7 @@ def run_weigh(path: Path, options: Options) -> int:
     from ..report import write_weighing_report
     from ..weighing import weigh
 
-    check_jobs(options.jobs)
+    check_workers(options.jobs, options.scheduler)
     study, out = Study.read(path), options.out or _named_after(path, "_weighed")
     keep = out.with_name(f".{out.name}.settings")
     with results_folder(out) as folder, _progress(options) as say:
@@ -141,7 +141,7 @@ def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int
     from ..diagnosis import diagnose
     from ..report import write_diagnosis_report
 
-    check_jobs(options.jobs)
+    check_workers(options.jobs, options.scheduler)
     keep = out.with_name(f".{out.name}.parts")
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
@@ -188,7 +188,7 @@ def _smooth(study: Study, out: Path, options: Options, *, command: str, profiled
     from ..smoothing.profile import check_names, profile
     from ..smoothing.smoother import smooth
 
-    check_jobs(options.jobs)
+    check_workers(options.jobs, options.scheduler)
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
         problem = study.problem()

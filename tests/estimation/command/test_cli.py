@@ -216,7 +216,7 @@ def test_smooth_opens_no_pool_that_nobody_uses(folder, monkeypatch):
     from backsight.estimation import workers
 
     monkeypatch.setattr(workers, "ProcessPoolExecutor", None)
-    assert main(["smooth", "study.toml", "--jobs", "2", "--scheduler", "tcp://nowhere.invalid:1", "--quiet"]) == 0
+    assert main(["smooth", "study.toml", "--jobs", "2", "--quiet"]) == 0
 
 
 def test_verbose_says_every_stage_in_a_line_of_its_own(folder, capsys):
@@ -329,6 +329,7 @@ def test_an_unknown_model_is_bad_input(tmp_path, capsys):
         (["smooth", "study.toml", "--out", "record.csv/inside"], "record.csv is a file"),
         (["simulate", "study.toml", "--out", "/proc/backsight_out"], "/proc"),
         (["simulate", "study.toml", "--scheduler", "tcp://nowhere.invalid:8786"], "nowhere.invalid"),
+        (["smooth", "study.toml", "--scheduler", "tcp://nowhere.invalid:8786"], "nowhere.invalid"),
         (["--nonsense"], "--nonsense"),
     ],
 )
