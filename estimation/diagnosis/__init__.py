@@ -3,7 +3,8 @@
 candidates.py, laws.py, channels.py, frames.py, library.py     what may be missing, at which place
 supermodel.py, score.py, screen.py                             all of it looked at at once: gains, chances, what is alike
 refit.py, choice.py                                            a candidate as a full problem, and whether it is borne out
-search.py, elimination.py, hold.py                             round by round; what goes out again
+worth.py                                                       how much more probable one model is than another
+search.py, findings.py, elimination.py, hold.py                round by round; what is said of it; what goes out again
 diagnose.py, shares.py, verdict.py                             all of it, and its answer
 proof.py                                                       before and after on what was held out
 """

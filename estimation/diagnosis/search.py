@@ -25,12 +25,9 @@ from ..workers import as_finished
 from .candidates import Candidate
 from .choice import (
     CLEAR,
-    RIVAL,
-    SAME,
     chosen,
     clear,
     coloured,
-    evened,
     held_unseen,
     idle,
     simplest,
@@ -41,21 +38,21 @@ from .choice import (
     trifling,
 )
 from .elimination import Bare
+from .findings import Judged, explained, finding, nameless, renewed, verdict
 from .held import rescaled
 from .keep import Keep
 from .library import library
-from .offsets import PREFIX, counted_out, without_idle
+from .offsets import counted_out, without_idle
 from .refit import QUICKLY, Fitted, begun, comparable, evidence, fitted_there, hidden, settled, with_weights_of
-from .regimes import dated, late, moved, onset
+from .regimes import dated, late, moved
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
 from .supermodel import looked_at
-from .verdict import Class, Explanation, Finding, Strength, Tried, Undetectable
+from .verdict import Class, Finding, Tried, Undetectable
 from .worth import Worth, gains
 
 Progress = Callable[[str], None]
-Judged = tuple[Candidate, Screened | None, Fitted]
 
 EFFECTS = 4
 DATES = 3  # times that the date of what sets in is sought anew
@@ -87,7 +84,7 @@ class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
 
     settings: of the fits. end: on the clock of `time.time`, when it ends with what it has. held: recordings whose inputs are held, as a
-    study has them, where straight ones were better for the model as it is.
+    study has them, where straight ones were better for the model as it is. compared: whether models could be.
     """
 
     problem: Problem
@@ -109,6 +106,7 @@ class Search:
     before: Before | None = None
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
+    compared: bool = field(default=True, init=False)
 
     def __post_init__(self) -> None:
         self.bare = Bare(problem=self.problem, model=self.model)
@@ -208,11 +206,8 @@ class Search:
 
     def _renew(self, sizes: Sizes) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
-        for k, (finding, c) in enumerate(zip(self.findings, self.accepted, strict=True)):
-            now = replace(finding.explanation, parameters=_strengths(c, self.result))
-            now = evened(now, c, self.result, sizes.forces.get(c.place, 0.0))
-            rivals = tuple(r for r in finding.rivals if (r.place, r.physics) != (now.place, now.physics))
-            self.findings[k] = replace(finding, explanation=now, rivals=rivals, change="; ".join(_change(c, self.result)))
+        for k, (old, c) in enumerate(zip(self.findings, self.accepted, strict=True)):
+            self.findings[k] = renewed(old, c, self.result, sizes)
 
     def _scores(self) -> tuple[Linearised, list[Candidate], Screen, Sizes]:
         """The model linearised where it came to rest, all candidates, their scores, and sizes of what is left."""
@@ -259,6 +254,7 @@ class Search:
         """Fits the best candidates and keeps one; whether there was one. None can be better than a model of which nobody knows how good."""
         now = self._worth(self.problem, self.result)
         if not np.isfinite(now.nats):
+            self.compared = False
             self.notes.append(INCOMPARABLE)
             return False
         worth = [dated(base, s) for s in chosen(found, sizes)]
@@ -353,9 +349,8 @@ class Search:
 
     def _remember(self, fits: list[Judged]) -> None:
         for c, s, f in fits:
-            explanation = Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result))
             gained = f.gain if np.isfinite(f.gain) else None
-            self.tried.append(Tried(explanation=explanation, predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
+            self.tried.append(Tried(explanation=explained(c, f.result), predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
 
     def _keep(
         self,
@@ -365,48 +360,15 @@ class Search:
         found: Screen,
         sizes: Sizes,
     ) -> None:
-        c, s, f = best
+        c, _, f = best
         had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        rivals, others = list[Explanation](), list[Explanation]()
-        for d, _, g in fits:
-            if d.key == c.key:
-                continue
-            gap = f.gain - g.gain
-            e = Explanation(place=d.place, family=d.family, physics=d.physics, gap=float(gap), parameters=_strengths(d, g.result))
-            if gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
-                rivals.append(e)
-            elif np.isfinite(gap):
-                others.append(e)
-        if s is not None:
-            rivals += [
-                Explanation(place=o.candidate.place, family=o.candidate.family, physics=o.candidate.physics)
-                for o in found.found
-                if o.candidate.key != c.key
-                and o.candidate.key not in {(r.place, r.physics) for r in rivals + others}
-                and found.alike(s, o) > SAME
-            ]
-        began = c.onset if s is None else onset(base, s)
-        share = max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None
+        new = finding(base, best, fits, found, sizes)
         stay = [not c.replaces(old) for old in self.accepted]
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
-        self.findings = [old for old, there in zip(self.findings, stay, strict=True) if there]
+        self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
-        self.findings = [
-            *self.findings,
-            Finding(
-                explanation=Explanation(place=c.place, family=c.family, physics=c.physics, parameters=_strengths(c, f.result)),
-                p_value=found.chance(s.worth) if s is not None else math.nan,
-                gain=float(f.gain) + whole,
-                change="; ".join(_change(c, f.result)),
-                share=share,
-                regime="whole record" if began is None else f"from {began:.4g} s on",
-                onset=began,
-                alternatives=tuple(others),
-                rivals=tuple(rivals),
-            ),
-        ]
         self.before = Before(problem=self.problem, model=self.model, findings=had[0], accepted=had[1])
         self.problem, self.model, self.result = f.problem, f.model, f.whole
 
@@ -425,18 +387,7 @@ class Search:
             force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
             self.notes.append(f"Unexplained at {worst}: a force of {force}.")
             return
-        rms = Strength(value=summary.rms, std=None, unit=summary.unit)
-        self.findings.insert(
-            0,
-            Finding(
-                explanation=Explanation(place=worst, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
-                p_value=math.nan,
-                gain=0.0,
-                change="",
-                share=share,
-                alternatives=tuple(t.explanation for t in self.tried[:3]),
-            ),
-        )
+        self.findings.insert(0, nameless(worst, share, summary, self.tried))
 
     def _explained(self) -> float:
         """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""
@@ -445,17 +396,7 @@ class Search:
 
     def verdict(self) -> Class:
         """One word for what was found."""
-        if INCOMPARABLE in self.notes:
-            return "undecided"
-        if not self.findings:
-            return "none"
-        first = self.findings[0]
-        if first.explanation.physics == "unknown_physics":
-            return "unknown_physics"
-        if first.explanation.family == "parameter":
-            return "parameter"  # what explains as much by more is no reason to doubt a number that was given
-        kinds = {_class(first.explanation.family)} | {_class(r.family) for r in first.rivals}
-        return kinds.pop() if len(kinds) == 1 else "undecided"
+        return verdict(self.findings) if self.compared else "undecided"
 
 
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
@@ -463,25 +404,3 @@ def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
     found = gains([(c.place, (c.size, c.rank), f.worth) for c, _, f in fits], now)
     doubts = [f.worth.doubt(now) if s is None and np.isfinite(f.worth.nats) else 0.0 for _, s, f in fits]
     return [(c, s, replace(f, gain=gain, doubt=doubt)) for (c, s, f), gain, doubt in zip(fits, found, doubts, strict=True)]
-
-
-def _class(family: str) -> Class:
-    classes: dict[str, Class] = {"parameter": "parameter", "sensor": "sensor", "actuator": "input"}
-    return classes.get(family, "missing_physics")
-
-
-def _strengths(c: Candidate, result: Smoothing | None) -> dict[str, Strength]:
-    if result is None:
-        return {}
-    return {
-        word: Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
-        for word, path in c.named.items()
-        if (p := result.parameters.get(path)) is not None
-    }
-
-
-def _change(c: Candidate, result: Smoothing | None) -> list[str]:
-    said = [edit.words for edit in c.edits]
-    values = {} if result is None else {p: result.parameters[p].value for p in c.named.values() if p in result.parameters}
-    said += [f"{name} = {value:.6g}" for name, value in values.items()]
-    return said + [f"{name} = 0" for name in c.absorbs if not name.startswith(PREFIX)]

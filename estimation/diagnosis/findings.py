@@ -1,0 +1,102 @@
+"""What a search says of a fit that it keeps: what it is, how strong, what else it could be; and one word for all of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..results import ResidualSummary, Smoothing
+from .candidates import Candidate
+from .choice import RIVAL, SAME, evened, sound
+from .offsets import PREFIX
+from .refit import Fitted
+from .regimes import onset
+from .score import Linearised
+from .screen import Screen, Screened
+from .shares import Sizes
+from .verdict import Class, Explanation, Finding, Strength, Tried
+
+Judged = tuple[Candidate, Screened | None, Fitted]
+
+CLASSES: dict[str, Class] = {"parameter": "parameter", "sensor": "sensor", "actuator": "input"}
+
+
+def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Explanation:
+    """A candidate with the numbers that it has in a result. gap: nats that it lacks against the one chosen."""
+    strengths = dict[str, Strength]()
+    if result is not None:
+        for word, path in c.named.items():
+            if (p := result.parameters.get(path)) is not None:
+                strengths[word] = Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
+    return Explanation(place=c.place, family=c.family, physics=c.physics, gap=gap, parameters=strengths)
+
+
+def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes) -> Finding:
+    """The best of the fits of a round, with those that cannot be told from it and those that can."""
+    c, s, f = best
+    rivals, others = list[Explanation](), list[Explanation]()
+    for d, _, g in fits:
+        if d.key == c.key:
+            continue
+        gap = float(f.gain - g.gain)
+        if gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
+            rivals.append(explained(d, g.result, gap))
+        elif np.isfinite(gap):
+            others.append(explained(d, g.result, gap))
+    if s is not None:
+        told = {c.key} | {(r.place, r.physics) for r in rivals + others}
+        rivals += [explained(o.candidate, None) for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME]
+    began = c.onset if s is None else onset(base, s)
+    return Finding(
+        explanation=explained(c, f.result),
+        p_value=found.chance(s.worth) if s is not None else math.nan,
+        gain=float(f.gain),
+        change=_change(c, f.result),
+        share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,
+        regime="whole record" if began is None else f"from {began:.4g} s on",
+        onset=began,
+        alternatives=tuple(others),
+        rivals=tuple(rivals),
+    )
+
+
+def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Finding:
+    """A finding with the numbers that it has in a result, and the name that goes with these."""
+    now = evened(replace(old.explanation, parameters=explained(c, result).parameters), c, result, sizes.forces.get(c.place, 0.0))
+    rivals = tuple(r for r in old.rivals if (r.place, r.physics) != (now.place, now.physics))
+    return replace(old, explanation=now, rivals=rivals, change=_change(c, result))
+
+
+def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried]) -> Finding:
+    """What is left over at a place, matters, and is nothing of the library."""
+    rms = Strength(value=left.rms, std=None, unit=left.unit)
+    return Finding(
+        explanation=Explanation(place=place, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
+        p_value=math.nan,
+        gain=0.0,
+        change="",
+        share=share,
+        alternatives=tuple(t.explanation for t in tried[:3]),
+    )
+
+
+def verdict(findings: Sequence[Finding]) -> Class:
+    """One word for what was found."""
+    if not findings:
+        return "none"
+    first = findings[0]
+    if first.explanation.physics == "unknown_physics":
+        return "unknown_physics"
+    if first.explanation.family == "parameter":
+        return "parameter"  # what explains as much by more is no reason to doubt a number that was given
+    kinds = {CLASSES.get(family, "missing_physics") for family in (first.explanation.family, *(r.family for r in first.rivals))}
+    return kinds.pop() if len(kinds) == 1 else "undecided"
+
+
+def _change(c: Candidate, result: Smoothing | None) -> str:
+    values = {} if result is None else {p: result.parameters[p].value for p in c.named.values() if p in result.parameters}
+    said = [*(edit.words for edit in c.edits), *(f"{name} = {value:.6g}" for name, value in values.items())]
+    return "; ".join([*said, *(f"{name} = 0" for name in c.absorbs if not name.startswith(PREFIX))])
