@@ -27,6 +27,7 @@ SHARE = 0.3  # of the mass behind a coupling, that before it where the model has
 RESONANCES = (8.0, 30.0)  # Hz, of the stiffnesses from which fits start
 DAMPING, DAMPING_OF_PLAY = 0.05, 0.3  # ratios
 PLAYS = (0.005,)  # of the span of the positions, from which fits start
+CORNER = 0.02  # of the play, over which it is rounded
 LOOSE = (0.05, 0.3)  # of the span of the twist of a soft coupling
 SECTION = 0.1  # of the inertia behind a string: that of a section of its own
 
@@ -94,7 +95,8 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
             gap = share * motion.span
             start = {f"{spot.name}.gap": (gap, 0.0, gap * 100), f"{spot.name}.k": (k, k * 1e-2, k * 1e4), **extra}
             loose = rebuilt(_loose(slides, gap, k, d))
-            found.append(_of_transmission(place, "backlash", loose, start, {"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"}))
+            play = _of_transmission(place, "backlash", loose, start, {"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"})
+            found.append(replace(play, later={f"{spot.name}.d": (d, 0.0, d * 1e4)}, rounded=_corners(spot)))
     return found
 
 
@@ -111,7 +113,9 @@ def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], 
             gap = share * motion.span
             loose = Exchange(name=spot.name, component=_loose(slides, gap, k, d))
             start = {f"{spot.name}.gap": (gap, 0.0, gap * 20)}
-            found.append(_of_transmission(spot.name, "backlash", loose, start, {"gap": f"{spot.name}.gap"}))
+            found.append(
+                replace(_of_transmission(spot.name, "backlash", loose, start, {"gap": f"{spot.name}.gap"}), rounded=_corners(spot))
+            )
     behind = _mass(model, f"{spot.name}.{spot.flanges[1]}", masses)
     if behind:
         body, second = f"{spot.name}_section", f"{spot.name}_2"
@@ -143,7 +147,12 @@ def _tuned(inertia: float, frequency: float, ratio: float) -> tuple[float, float
 
 def _loose(slides: bool, gap: float, k: float, d: float) -> Component:
     kind = sliding.Backlash if slides else turning.RotationalBacklash
-    return kind(gap=gap, k=k, d=d, width=gap / 50)
+    return kind(gap=gap, k=k, d=d, width=CORNER * gap)
+
+
+def _corners(spot: Spot) -> dict[str, tuple[str, float]]:
+    """The way over which play that was found is rounded: with that of a guess five times too large it would be a tenth too large itself."""
+    return {f"{spot.name}.width": (f"{spot.name}.gap", CORNER)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -371,6 +371,20 @@ class Search:
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
         self.before = Before(problem=self.problem, model=self.model, findings=had[0], accepted=had[1])
         self.problem, self.model, self.result = f.problem, f.model, f.whole
+        self._free(c)
+
+    def _free(self, c: Candidate) -> None:
+        """What comes free with a candidate once it is kept, and what is rounded by what was found of it, where that is no worse."""
+        if not (c.later or c.rounded):
+            return
+        free: dict[str, Free | float] = {name: Free(*bounds) for name, bounds in c.later.items()}
+        for name, (whole, share) in c.rounded.items():
+            free[name] = share * self.result.parameters[whole].value
+        problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
+        found = self._again(problem, f"{c.title}, as it was found")
+        if found is not None and (more := self._worth(problem, found).over(self._worth(self.problem, self.result))) > 0:
+            self.problem, self.result = problem, found
+            self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + more)
 
     def _limits(self, found: Screen, sizes: Sizes) -> None:
         skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}

@@ -104,6 +104,19 @@ def test_a_screw_with_play_passes_no_force_within_it():
     assert abs(force(0.2 * gap)) < 0.02 * force(2 * gap)
 
 
+def test_play_that_is_kept_is_rounded_and_damped_by_what_was_found_of_it():
+    rigid, soft = actuator(), actuator("compliant")
+    (spot,) = (s for s in elements(soft) if s.name == "screw")
+    loose = [c for c in of_soft(soft, spot, MOTION, {"carriage": 75.0}, {"screw.k": 4e6, "screw.d": 300.0}) if c.physics == "backlash"]
+    for model, found, damped in ((rigid, screws("backlash"), True), (soft, loose, False)):
+        for c in found:
+            known = {p.name: p for p in compile_model(c.edited(model)).parameters}
+            ((width, (gap, share)),) = c.rounded.items()
+            assert known[width].value == pytest.approx(share * c.start[gap][0])
+            assert bool(c.later) is damped
+            assert all(known[name].value == pytest.approx(guess) for name, (guess, _, _) in c.later.items())
+
+
 def test_what_is_no_rigid_coupling_or_has_no_mass_behind_it_is_left_alone():
     model = actuator()
     (screw,) = elements(model)
