@@ -14,7 +14,7 @@ from ..results import Smoothing
 from .candidates import Candidate
 from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
-from .refit import Fitted
+from .refit import HOLDING, Fitted
 from .screen import SURE, Screen, Screened
 from .shares import FLOOR, Sizes
 from .verdict import Explanation, Strength
@@ -32,7 +32,6 @@ MUCH_LESS = 1.5  # times the worth of a fit: another one that is worth as much i
 SPREAD, SPREAD_OF_COUPLINGS = 0.3, 0.5  # standard deviation of a strength over the largest one; of a coupling its evidence tells more
 COLOURED = 1e-9  # chance of the prediction errors' autocorrelation if they are white
 COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
-HOLDING = ("coulomb_friction", "stribeck_friction")
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value

@@ -18,8 +18,8 @@ FACTOR = 10.0**-0.5  # from one to the next that is tried
 TIGHTEST, LOOSEST = 1e-3, 1e3
 
 
-def rescaled(solution: Solution) -> float:
-    """Nats of log evidence with the factor that is best, over that with none; 0 where the solution is no chain."""
+def rescaled(solution: Solution) -> tuple[float, float]:
+    """Nats of log evidence with the factor that is best, over that with none, and the factor; 0 and 1 where the solution is no chain."""
     count = len(solution.transcription.soft)
 
     def told(factor: float) -> float:
@@ -27,12 +27,12 @@ def rescaled(solution: Solution) -> float:
         return -np.inf if found is None else log_likelihood(found)
 
     if not count or not np.isfinite(first := told(1.0)):
-        return 0.0
-    best = first
+        return 0.0, 1.0
+    best, suits = first, 1.0
     for step in (FACTOR, 1.0 / FACTOR):
         factor = step
         while TIGHTEST < factor < LOOSEST and (now := told(factor)) > best:
-            best, factor = now, factor * step
+            best, suits, factor = now, factor, factor * step
         if best > first:
             break
-    return best - first
+    return best - first, suits

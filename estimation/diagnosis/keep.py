@@ -21,6 +21,7 @@ from ..smoothing.smoother import OutOfTime
 from ..whole_files import written_whole
 from .candidates import Candidate
 
+FORMAT = 2  # of the parts: those of another one count as not there
 DIGITS = 9  # of a number that tells one part from another
 
 
@@ -34,7 +35,7 @@ class Keep:
         """Of a part: the problem, what came before, the candidate's edits and where its fit starts."""
         edits = [edit.words for edit in candidate.edits] if candidate else []
         numbers = {k: f"{v:.{DIGITS}g}" for k, v in sorted((start or {}).items())}
-        own = repr((version("backsight"), self._problem, what, candidate.key if candidate else "", edits, numbers))
+        own = repr((version("backsight"), FORMAT, self._problem, what, candidate.key if candidate else "", edits, numbers))
         return hashlib.sha256(own.encode()).hexdigest()[:32]
 
     def get(self, name: str) -> Any:

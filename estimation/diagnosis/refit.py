@@ -36,6 +36,7 @@ from .worth import NONE, Worth
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
+HOLDING = ("coulomb_friction", "stribeck_friction")
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
 
@@ -145,20 +146,20 @@ def fitted(
     """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
     try:
         now, edited = posed(problem, model, candidate, start)
-        there, weighed = Begun.of(begin, now), now
-        if not settings.weigh:
+        anew = candidate.physics in HOLDING and candidate.place in hidden(now) - strengths_at_rest(begin).keys()
+        there = None if anew else Begun.of(begin, now)
+        weighed = now if settings.weigh else with_weights_of(begin, now)
+        if not (settings.weigh or anew):
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
-            weighed = with_weights_of(begin, now)
-        if candidate.family == "friction" and candidate.place in hidden(now) - strengths_at_rest(begin).keys():
-            there = None
         result = smoothing(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
-    nats = evidence(now, result)
+    more, factor = 0.0, 1.0
     if not settings.weigh and result.solution is not None and result.solver.converged:
-        nats += rescaled(result.solution)
-    return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=Worth(nats=nats, solution=result.solution))
+        more, factor = rescaled(result.solution)
+    worth = Worth(nats=evidence(now, result) + more, solution=result.solution, factor=factor)
+    return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
 
 
 def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:

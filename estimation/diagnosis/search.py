@@ -140,7 +140,10 @@ class Search:
         for k in range(AGAIN if self.settings.weigh else 0):
             problem = settled(self.problem, self.result)
             again = self._again(problem, f"the model as it is, as fits are, {k + 1}")
-            if again is None or not (more := self._worth(problem, again).over(self._worth(self.problem, self.result))) > 0:
+            if again is None:
+                return
+            more = self._worth(problem, again).over(self._worth(self.problem, self.result))
+            if self.result.solver.converged and not more > 0:
                 return
             self.problem, self.result = problem, again
             if more < WORTH:
@@ -200,9 +203,8 @@ class Search:
 
     def _worth(self, problem: Problem, result: Smoothing) -> Worth:
         """What the models of one round compare by."""
-        nats = evidence(problem, result, ended=False)
-        more = 0.0 if self.settings.weigh or result.solution is None else rescaled(result.solution)
-        return Worth(nats=nats + more, solution=result.solution)
+        more, factor = (0.0, 1.0) if self.settings.weigh or result.solution is None else rescaled(result.solution)
+        return Worth(nats=evidence(problem, result, ended=False) + more, solution=result.solution, factor=factor)
 
     def _renew(self, sizes: Sizes) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""

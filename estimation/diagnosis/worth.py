@@ -24,42 +24,51 @@ from ..validation.innovations import innovations
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-PARTS = 20  # of a record, by which its doubt is told
+PARTS, STRETCHES = 20, 5  # of a record, and of each of them, by which a gain's doubt is told
 
 
 @dataclass(frozen=True, kw_only=True)
 class Worth:
-    """Log evidence of a model [nats], -inf where there is none, and the solution that has it."""
+    """Log evidence of a model [nats], -inf where there is none, and the solution that has it.
+
+    factor: on the deviations of its residual forces, with which it has that evidence (`held.py`).
+    """
 
     nats: float
     solution: Solution | None
+    factor: float = 1.0
 
     def over(self, other: Worth) -> float:
         """By how many nats this model is more probable than another one of the same samples; -inf where it has no evidence."""
         if not np.isfinite(self.nats):
             return -np.inf
-        rests = self._shared_rests(other)
-        if not np.any(rests) or not np.isfinite(other.nats) or len(self._densities) != len(other._densities):
-            return self.nats - other.nats
-        return self.nats - other.nats - float(np.sum((self._densities - other._densities)[rests]))
+        more = self.nats - other.nats
+        if not np.isfinite(other.nats) or not self.rests.keys() & other.rests.keys() or not self._comparable(other):
+            return more
+        return more - float(np.sum((self._densities - other._densities)[self._shared_rests(other)]))
 
     def doubt(self, other: Worth) -> float:
-        """Standard deviation of that [nats], by how it is spread over the record; 0 where nobody can tell.
+        """Standard deviation of that [nats], by how it is spread over the record; inf where nobody can tell.
 
-        Of sums over parts of the record, long beside any correlation: where residuals are not white, a model that follows some of them
-        gains here and loses there (Q. H. Vuong, Econometrica 57, 1989, for single samples).
+        Of sums over short stretches about the mean of the stretches beside: where residuals are not white, a model that follows some of
+        them gains here and loses there (Q. H. Vuong, Econometrica 57, 1989, for single samples); one that gains in a part of the record,
+        where its effect acts, gains all along there.
         """
-        if not len(self._densities) or len(self._densities) != len(other._densities):
-            return 0.0
+        if not self._comparable(other) or len(self._densities) < PARTS * STRETCHES:
+            return np.inf
         more = self._densities - other._densities
-        rests = self._shared_rests(other)
-        sums = [float(np.sum(part)) for part in np.array_split(np.where(rests, 0.0, more) if np.any(rests) else more, PARTS)]
-        return float(np.std(sums, ddof=1) * np.sqrt(PARTS))
+        if self.rests.keys() & other.rests.keys():
+            more = np.where(self._shared_rests(other), 0.0, more)
+        sums = np.array([np.sum(part) for part in np.array_split(more, PARTS * STRETCHES)]).reshape(PARTS, STRETCHES)
+        return float(np.sqrt(STRETCHES * np.sum(np.var(sums, axis=1, ddof=1))))
+
+    def _comparable(self, other: Worth) -> bool:
+        """Whether both have densities, of the same samples."""
+        return len(self._densities) == len(other._densities) > 0
 
     def _shared_rests(self, other: Worth) -> NDArray[np.bool_]:
-        """Samples that count for neither, (n,) where there are any."""
-        shared = self.rests.keys() & other.rests.keys()
-        return np.any([self.rests[p] | other.rests[p] for p in shared], axis=0) if shared else np.zeros(0, dtype=np.bool_)
+        """Samples that count for neither, (n,), of models that have some."""
+        return np.asarray(np.any([self.rests[p] | other.rests[p] for p in self.rests.keys() & other.rests.keys()], axis=0))
 
     @cached_property
     def rests(self) -> Mapping[str, NDArray[np.bool_]]:
@@ -74,7 +83,10 @@ class Worth:
     @cached_property
     def _densities(self) -> Array:
         """Log densities of all samples given those before, (n,); none where there are none."""
-        found = None if self.solution is None else innovations(self.solution)
+        if self.solution is None:
+            return np.empty(0)
+        factors = None if self.factor == 1.0 else np.full(len(self.solution.transcription.soft), self.factor)
+        found = innovations(self.solution, factors)
         return np.empty(0) if found is None else np.concatenate([run.log_densities.sum(axis=1) for run in found.horizons])
 
 

@@ -232,7 +232,7 @@ def rows_near_rest(solution: Solution, number: int) -> dict[int, Room]:
 
 
 def rows_with_room(solution: Solution, number: int) -> dict[int, Room]:
-    """The same of intervals with any room at all for rest, however large the residual forces are elsewhere."""
+    """The same of intervals with any room for rest that tells, beside residual forces that may be as large."""
     t = solution.transcription
     std = t.force_std_at(solution.values)
     measured = np.array([t.dae.places[k].name.startswith(INPUT) for k in t.soft], dtype=np.bool_)

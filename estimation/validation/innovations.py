@@ -21,6 +21,7 @@ from scipy.linalg import blas, lapack
 
 from backsight.ocp import Solution
 
+from ..smoothing.robust import RobustSolution
 from .chain import Chain, chain
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -52,9 +53,8 @@ class Step:
 class Innovations:
     """One horizon. errors (n, ny): measured less predicted, over its deviation; NaN where there is no sample or where it tells beta.
 
-    log_densities (n, ny): of the samples [1/unit], each given all before; of one that tells beta, of which nothing was known, without
-    meaning, and 0 where there is none. u (m,), E (m, k + np): the regression above, in the order of the filter. steps: of all intervals.
-    log_roots: sum of log L_jj.
+    log_densities (n, ny): of the samples [1/unit], each given all before and beta as it was estimated; 0 where there is none. u (m,),
+    E (m, k + np): the regression above, in the order of the filter. steps: of all intervals. log_roots: sum of log L_jj.
     """
 
     errors: Array
@@ -103,7 +103,7 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     size = np.sqrt(sum(np.sum(E[:, E.shape[1] - np_ :] ** 2, axis=0) for _, E, _, _ in runs))
     R, d = _absorbed(_weak(size), np.zeros(np_), links.known_parameters)
     horizons, first_root, squares, first = [], 0.0, 0.0, 0
-    scale = solution.values.scale[solution.term("samples")].T
+    scale = _of_samples(solution).T
     for (u, E, steps, log_roots), where, known, horizon in zip(runs, places, links.known, t.horizons, strict=True):
         k = E.shape[1] - np_
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
@@ -116,13 +116,19 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         errors = np.full((len(horizon.time), len(t.dae.outputs)), np.nan)
         errors[where[:, 0], where[:, 1]] = np.where(variance < LARGEST, w, np.nan)
         densities = np.zeros(errors.shape)
-        of_rows = -0.5 * (w**2 + np.log(2.0 * np.pi * variance)) - log_roots
+        of_rows = -0.5 * (u**2 + np.log(2.0 * np.pi)) - log_roots
         densities[where[:, 0], where[:, 1]] = of_rows + np.log(scale[first + where[:, 0], where[:, 1]])
         first += len(horizon.time)
         horizons.append(Innovations(errors=errors, log_densities=densities, u=u, E=E, steps=steps, log_roots=float(np.sum(log_roots))))
         first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
         R, d = root[k:, k:], right[k:]
     return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, squares=squares, determined=solution.determined)
+
+
+def _of_samples(solution: Solution) -> Array:
+    """One over the standard deviations of all samples, (ny, all samples)."""
+    scale = solution.values.scale[solution.term("samples")]
+    return scale / np.sqrt(solution.weights * solution.gain) if isinstance(solution, RobustSolution) else scale
 
 
 def log_likelihood(filtered: Filtered) -> float:

@@ -67,12 +67,29 @@ def test_against_a_model_without_friction_rests_count():
     assert free.over(SHARP) == free.nats - SHARP.nats < -500.0
 
 
-def test_doubt_is_that_of_sums_over_parts_of_the_record():
-    """A gain that is the same everywhere leaves none, and of one that is all of a single part nobody can be sure."""
-    assert SHARP.doubt(SHARP) == SHARP.doubt(NONE) == 0.0
-    other = worth(friction_width=2e-3)
+def test_doubt_is_that_of_stretches_about_those_beside():
+    assert SHARP.doubt(SHARP) == 0.0
+    assert SHARP.doubt(NONE) == np.inf
     less = worth(friction_f_c=18.0)
-    assert 0.0 < other.doubt(SHARP) < less.doubt(SHARP) < abs(less.over(SHARP))
+    assert 10.0 < less.doubt(SHARP) < abs(less.over(SHARP)) / 2
+
+
+def test_a_gain_that_is_all_of_one_part_is_no_doubt(monkeypatch):
+    rng, n = np.random.default_rng(0), 4000
+    noise, here = 0.3 * rng.standard_normal(n), np.arange(n) < n // 20
+    monkeypatch.setattr(Worth, "rests", {})
+    monkeypatch.setattr(Worth, "_densities", property(lambda self: noise + self.nats * here if self.nats else np.zeros(n)))
+    one, none = Worth(nats=1.0, solution=None), Worth(nats=0.0, solution=None)
+    assert one.doubt(none) == pytest.approx(0.3 * np.sqrt(n), rel=0.2)
+
+
+def test_what_a_rest_tells_of_a_parameter_that_is_none_stays_its_price():
+    """The record starts at rest, where a constant force beside friction is told already."""
+    more = worth()
+    free = Worth(nats=more.nats, solution=more.solution)
+    held = worth(offset_f=0.0)
+    assert -6.0 < free.nats - held.nats < 0.0
+    assert free.over(held) == pytest.approx(free.nats - held.nats, abs=2.0)
 
 
 def test_a_model_without_evidence_is_no_match():
