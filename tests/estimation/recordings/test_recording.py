@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import time
 from pathlib import Path
 
@@ -201,12 +202,17 @@ def test_a_delay_loses_no_sample_but_those_of_before_a_piece(tmp_path):
     np.testing.assert_array_equal(recording.outputs["x"], SOUND["x_m"][there])
 
 
-def test_a_quarter_of_a_million_rows_read_in_well_under_a_second(tmp_path):
+def test_a_quarter_of_a_million_rows_are_read_at_the_pace_of_pandas(tmp_path):
     t = np.arange(250_000) * 1e-3
     content = text(pd.DataFrame({"t_s": t, "F_N": np.sin(t), "x_m": np.cos(t)}))
-    began = time.perf_counter()
-    assert read(tmp_path, content).time.size == 250_000
-    assert time.perf_counter() - began < 2.0
+    ratios = []
+    for _ in range(3):
+        began = time.perf_counter()
+        assert read(tmp_path, content).time.size == 250_000
+        between = time.perf_counter()
+        pd.read_csv(io.BytesIO(content))
+        ratios.append((between - began) / (time.perf_counter() - between))
+    assert min(ratios) < 30.0  # nine on a quiet machine; row by row in Python it would be hundreds
 
 
 @settings(max_examples=40, deadline=None)
