@@ -40,7 +40,7 @@ Out = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Folder of the results [default: named after the study, and after simulate or track].",
+        help="Folder of the results; without it one named after the study, and after the command for simulate, track, weigh and diagnose.",
     ),
 ]
 Estimates = Annotated[
