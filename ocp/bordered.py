@@ -2,8 +2,7 @@
 
 Block k holds the interior of interval k, x(t_(k+1)) and the multipliers of the interval's rows of J, which determine them from x(t_k): no
 block is singular, and elimination runs with time, in which a plant forgets. The next block sees of it x(t_(k+1)) alone, its knot. The first
-knot of every horizon, the multipliers of what must hold there, and the parameters form the border.
-With H_cc the part of the blocks,
+knot of every horizon, the multipliers of what must hold there, and the parameters form the border. With H_cc the part of the blocks,
 
     X = H_cc^-1 H_cb,    S = H_bb - H_bc X,    inverse:  C_bb = S^-1,   C_cc = H_cc^-1 + X C_bb X',   C_cb = -X C_bb
 """

@@ -148,9 +148,8 @@ class Candidate:
     ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. wave: (strength, position): the
     effect is that strength's times a sine of 2 pi position over the one shape; no component is needed to look at it. larger: two strengths
     of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted. later: as start, of
-    those that lead a fit astray while the others are far off: free when it is kept. rounded: parameter -> that of
-    which it is a share, and the share, by what that was found to be when it is kept. stated: a number that the study itself gives, doubted
-    before one of the model.
+    those that lead a fit astray while the others are far off: free when it is kept. rounded: parameter -> that of which it is a share, and
+    the share, by what that was found to be when it is kept. stated: a number that the study itself gives, doubted before one of the model.
     """
 
     place: str
