@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 DOUBT = 0.01  # chance of what is seen if a hypothesis holds, below which it is doubted aloud
+DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size
+SHORT, LONG = 1e-4, 1e9  # values below and above are written with their power of ten
 TELLING = 1.2  # factor on a deviation from which on it is said
 
 
@@ -41,8 +43,12 @@ class ParameterEstimate:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         if self.std is None or not self.std > 0:
             return f"{self.value:.6g}{unit} ({'fixed' if self.fixed else 'on its bound' if self.on_bound else 'not determined'})"
-        digits = max(0, 1 - int(np.floor(np.log10(self.std))))
-        return f"{self.value:.{min(digits, 15)}f} ± {self.std:.2g}{unit}" + (" (not determined)" if self.identifiable is False else "")
+        decimals = 1 - int(np.floor(np.log10(self.std)))
+        if self.value == 0 or SHORT <= abs(self.value) < LONG:
+            value = f"{self.value:.{np.clip(decimals, 0, 15)}f}"
+        else:
+            value = f"{self.value:.{np.clip(decimals + int(np.floor(np.log10(abs(self.value)))), 1, 11)}e}"
+        return f"{value} ± {self.std:.2g}{unit}" + (" (not determined)" if self.identifiable is False else "")
 
 
 @dataclass(frozen=True, kw_only=True)

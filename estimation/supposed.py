@@ -85,7 +85,7 @@ def plain(problem: Problem) -> Problem:
         kind={},
     )
     constant = {name: replace(free, drift=None) for name, free in drifts.items()}
-    return replace(problem, weights=weights, parameters={**problem.parameters, **constant})
+    return replace(problem, model=problem.dae, weights=weights, parameters={**problem.parameters, **constant})
 
 
 def posed(problem: Problem, simple: Problem) -> Problem:

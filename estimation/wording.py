@@ -16,6 +16,11 @@ def number(value: float) -> str:
     return f"{value:.9g}"
 
 
+def per_root_bandwidth(unit: str) -> str:
+    """Unit of the deviation of a white force whose values have this unit: the root of its spectral density."""
+    return "sqrt(s)" if unit in ("", "1") else f"{unit}.sqrt(s)"
+
+
 def listed(words: Sequence[str]) -> str:
     """a, b and c."""
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)

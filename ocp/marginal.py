@@ -56,10 +56,10 @@ class Marginal:
     def moving(self) -> Index:
         """Which of the free parameters, those on a bound too, (k,)."""
         everything = np.arange(len(self.solution.transcription.nlp.free))
-        if self._whole is None or not len(self._whole.null):
+        if self.whole is None or not len(self.whole.null):
             return everything
         t, unit = self.solution.transcription, self.solution.values.unit
-        null = self._whole.null / np.concatenate([unit[t.starts.ravel()], unit[t.nlp.trajectory_size :]])
+        null = self.whole.null / np.concatenate([unit[t.starts.ravel()], unit[t.nlp.trajectory_size :]])
         null = (null / np.abs(null).max(axis=1, keepdims=True))[:, -len(everything) :]
         if self.rather is not None and len(self.rather) == len(null) and np.linalg.svd(null[:, self.rather])[1].min() > MOVES:
             return np.setdiff1d(everything, self.rather)
@@ -158,10 +158,10 @@ class Marginal:
     def _curvature(self) -> Curvature | None:
         """With what does not move held."""
         held = self.solution.transcription.nlp.trajectory_size + self.still
-        return self.solution.curvature_with(np.union1d(self._held, held)) if len(held) else self._whole
+        return self.solution.curvature_with(np.union1d(self._held, held)) if len(held) else self.whole
 
     @cached_property
-    def _whole(self) -> Curvature | None:
+    def whole(self) -> Curvature | None:
         """With all parameters free."""
         return self.solution.curvature if len(self._held) == len(self.solution.held) else self.solution.curvature_with(self._held)
 

@@ -1,13 +1,66 @@
-"""The plants, as the command lists and prints them."""
+"""The plants and the components that plants are made of, as the command lists and prints them."""
 
 from __future__ import annotations
 
+import inspect
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from backsight.models import Dae, Model, SolveError
+from backsight.models import Component, Dae, Model, SolveError
 
 from ..study.model_source import compiled, load_model
+
+LIBRARIES = {
+    "translational": "mechanics.translational",
+    "rotational": "mechanics.rotational",
+    "planar": "mechanics.planar",
+    "spatial": "mechanics.spatial",
+    "electrical": "electrical",
+    "signals": "signals",
+}
+
+
+Entry = tuple[str, type[Component]]  # the module that a component is imported from, and itself
+
+
+def library(name: str) -> list[Entry]:
+    """The components of a library, or those of that name in all of them; none where there are none."""
+    if name not in LIBRARIES:
+        return list(dict.fromkeys(entry for known in LIBRARIES for entry in library(known) if entry[1].__name__ == name))
+    module = import_module(f"backsight.models.{LIBRARIES[name]}")
+    members = [getattr(module, n) for n in module.__all__]
+    return [(module.__name__, kind) for kind in members if inspect.isclass(kind) and issubclass(kind, Component)]
+
+
+def explained(components: list[Entry]) -> str:
+    """Of every component what it is, and its connectors, variables, signals and parameters."""
+    return "\n".join(
+        f"{kind.__name__}    from {module} import {kind.__name__}\n{_indented(inspect.cleandoc(kind.__doc__ or ''))}\n"
+        for module, kind in components
+    )
+
+
+def declared(components: list[Entry]) -> list[dict[str, Any]]:
+    """The same for other programs."""
+    return [
+        {
+            "name": kind.__name__,
+            "module": module,
+            "description": inspect.cleandoc(kind.__doc__ or ""),
+            "connectors": {n: type(c).__name__ for n, c in kind.declared_connectors.items()},
+            "signals": {n: {"kind": type(s).__name__, "unit": s.unit} for n, s in kind.declared_signals.items()},
+            "variables": {n: {"unit": v.unit, "state": v.state} for n, v in kind.declared_variables.items()},
+            "parameters": {
+                n: {"unit": p.unit, "default": p.default, "min": p.min, "max": p.max} for n, p in kind.declared_parameters.items()
+            },
+        }
+        for module, kind in components
+    ]
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"    {line}".rstrip() for line in text.splitlines())
 
 
 def catalogue() -> dict[str, str]:

@@ -113,11 +113,13 @@ def demo(out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Qu
 
 @app.command()
 def models(
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help='A plant, "file.py:function" or "file.mo:Class".')] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help='A plant, "file.py:function", "file.mo:Class", a library or a component.')
+    ] = None,
     fmu: Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="Write it as an FMU 3.0 for model exchange instead.")] = None,
     json: Json = False,
 ) -> int:
-    """List the plants, or print one: components, equations, parameters, signals, places, and what its outputs can tell."""
+    """List plants and components, or print one: of a plant its equations, parameters, signals, places, and what its outputs can tell."""
     from .commands import print_models, write_fmu
 
     return print_models(name, json=json) if fmu is None else write_fmu(name, fmu)

@@ -159,13 +159,20 @@ def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int
 
 
 def print_models(name: str | None, *, json: bool) -> int:
-    """The list of plants, or all about one of them."""
-    from .catalogue import catalogue, description, details
+    """The list of plants and libraries, or all about one of them, or about one component."""
+    from .catalogue import LIBRARIES, catalogue, declared, description, details, explained, library
 
-    if json:
-        sys.stdout.write(json_text(details(name) if name else {"models": catalogue()}))
+    components = library(name) if name else []
+    if components:
+        sys.stdout.write(json_text({"components": declared(components)}) if json else explained(components))
+    elif name:
+        sys.stdout.write(json_text(details(name)) if json else description(name))
+    elif json:
+        sys.stdout.write(json_text({"models": catalogue(), "libraries": {n: [kind.__name__ for _, kind in library(n)] for n in LIBRARIES}}))
     else:
-        sys.stdout.write(description(name) if name else "".join(f"{n:12s} {text}\n" for n, text in catalogue().items()))
+        sys.stdout.write("".join(f"{n:14s} {text}\n" for n, text in catalogue().items()))
+        sys.stdout.write("\nComponents to make others of:\n")
+        sys.stdout.write("".join(f"{n:14s} {', '.join(kind.__name__ for _, kind in library(n))}\n" for n in LIBRARIES))
     return DONE
 
 

@@ -74,7 +74,13 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
     return result_of_smoothing(found.recommended, command="weigh") | {
         "study": [_setting(o) for o in found.outcomes],
         "recommended": {**weights, "setting": found.chosen, "why": found.why},
-        "influence": {label: dict(moves) for label, moves in found.moves.items()},
+        "influence": {
+            label: {
+                n: {"slope": s, **dict(zip(("tenth", "tenfold"), found.moves.get(label, {}).get(n, ()), strict=False))}
+                for n, s in of.items()
+            }
+            for label, of in found.slopes.items()
+        },
         "notes": list(found.notes),
     }
 

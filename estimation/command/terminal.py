@@ -64,7 +64,7 @@ def weight_table(found: Weighing) -> Table:
     for label, c in found.components.items():
         low, high = c.interval
         p = "" if c.p_zero is None or not isfinite(c.p_zero) else f"{c.p_zero:.2g}"
-        between = f"{low:.3g} .. {high:.3g}" if isfinite(low) and isfinite(high) else ""
+        between = "" if not (isfinite(low) and isfinite(high)) else f"up to {high:.3g}" if c.may_be_none else f"{low:.3g} .. {high:.3g}"
         table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", between, p)
     return table
 

@@ -15,7 +15,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def pretty(unit: str) -> str:
     """The unit with middle dots and raised exponents: "kg.m2/s2" is kg·m²/s²; a pure number has none."""
-    text = re.sub(r"(?<=[A-Za-z0-9)])[.*](?=[A-Za-z(])", "·", unit.strip())
+    text = re.sub(r"(?<=[A-Za-z0-9)])[.*](?=[A-Za-z(])", "·", unit.strip()).replace("sqrt(s)", "√s")
     text = re.sub(r"(?<=[A-Za-z)])(?:\^|\*\*)?(-?\d+)", lambda found: found[1].translate(_SUPERSCRIPT), text)
     return "" if text in {"1", "-"} else text
 

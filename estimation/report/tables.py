@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..wording import per_root_bandwidth
 from .answer import whiteness_sentence
 from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
 
@@ -113,13 +114,13 @@ def weight_table(result: Smoothing) -> str:
     for place, std in result.weights.W.items():
         summary = result.residual_places.get(place)
         unit = summary.unit if summary is not None else result.units.get(f"residual.{place}", "")
-        tau = result.weights.tau.get(place)
+        tau, weighed = result.weights.tau.get(place), unit
         if tau is None:
-            kind = "white, spectral density std² × 1 s"
+            kind, weighed = "white, of spectral density std²", per_root_bandwidth(unit)
         else:
             kind = f"Ornstein–Uhlenbeck, that rms, correlation time {quantity(tau, 's')}"
         used = quantity(summary.rms, unit) if summary is not None else NOTHING
-        rows.append(["W", place, quantity(std, unit), used, f"residual force, {kind}" + (f"; {summary.origin}" if summary else "")])
+        rows.append(["W", place, quantity(std, weighed), used, f"residual force, {kind}" + (f"; {summary.origin}" if summary else "")])
     for name, std in result.weights.V.items():
         output, _, of = name.partition(" [")
         unit = result.units.get(output, "")

@@ -123,20 +123,29 @@ def _weights(found: Weighing) -> str:
         if component is None:
             continue
         low, high = component.interval
-        told = np.isfinite(component.log_std) and not component.may_be_none
-        band = f"{number(low, 3)} .. {number(high, 3)}" if told else f"up to {number(high, 3)}" if high < np.inf else NOTHING
+        known = np.isfinite(component.log_std)
+        band = NOTHING if not known else f"up to {number(high, 3)}" if component.may_be_none else f"{number(low, 3)} .. {number(high, 3)}"
         zero = NOTHING if component.p_zero is None else number(component.p_zero, 2)
         rows.append([label, number(component.std, 4), band, zero, number(std, 4), pretty(component.unit)])
     return table(head, rows, words=(0, 5))
 
 
 def _moves(found: Weighing) -> str:
-    names = list(dict.fromkeys(n for moves in found.moves.values() for n in moves))
+    names = list(dict.fromkeys(n for slopes in found.slopes.values() for n in slopes))
     if not names:
         return ""
-    rows = [[label, *(number(moves[n], 2) for n in names)] for label, moves in found.moves.items()]
-    text = "By how many of its standard deviations a parameter would move if the weight's std were ten times as large, to first order."
-    return table(["weight", *names], rows) + f"<p class=note>{text}</p>"
+    rows = []
+    for label, slopes in found.slopes.items():
+        ends = found.moves.get(label, {})
+        for k, times in enumerate(("× 0.1", "× 10")):
+            rows.append([label, times, *(number(ends[n][k], 2) if n in ends else NOTHING for n in names)])
+        rows.append([label, "slope", *(number(slopes[n], 2) for n in names)])
+    text = (
+        "By how many of its standard deviations a parameter lies elsewhere with a tenth and with ten times the weight's std, solved anew. "
+        "The slope is that to first order, for an e-fold std, of the parameters most probable together with a trajectory: by "
+        "differentiation of the conditions of optimality."
+    )
+    return table(["weight", "its std", *names], rows, words=(0, 1)) + f"<p class=note>{text}</p>"
 
 
 def _predictions(found: Weighing) -> str:

@@ -29,6 +29,7 @@ TOLD = 8.0  # values that tell W: with fewer W^2 is within two of its own deviat
 OFF = 1.25  # times what a weight allows is worth a word,
 SURE = 5.0  # where that is as many deviations of the sum of squares
 MISLEAD = "Values and deviations mislead."
+SHARPER = 2.0  # the noise that the samples show over the one that was given: what is wrong there is not the model
 COLOURED = 2.0  # times the noise that the samples' differences show: three quarters of the variance are something else
 
 
@@ -48,6 +49,22 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
             squares, f = force_squares(solution, i)
             if squares < FLOOR * f or f < TOLD:
                 found.add(place.name)
+    return found
+
+
+def too_sharp(problem: Problem, run: Run) -> dict[str, str]:
+    """Output -> a sentence, where the V that was given is less than its samples have of noise: forces follow the rest."""
+    found = {}
+    for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, shown_noise(problem).T, strict=True)):
+        given = [h for h, table in enumerate(run.stds) if q.name in table and q.name not in run.open_outputs[h]]
+        worst = max(given, key=lambda h: shown[h] / run.noise(h, q.name, i), default=None)
+        if worst is None or shown[worst] <= SHARPER * (std := run.noise(worst, q.name, i)):
+            continue
+        found[q.name] = (
+            f"V of {q.name} is given as {std:.3g} {q.unit}, and its samples have noise of {shown[worst]:.2g} {q.unit}: what they differ by "
+            f"from one to the next alternates as white noise does. The rest was taken for forces. {MISLEAD} Give it about that, or leave "
+            "it out."
+        )
     return found
 
 

@@ -37,12 +37,13 @@ NEIGHBOURS = 2  # intervals beside those near rest between which determinants pa
 class Moved:
     """A solution at the parameters of most marginal likelihood, or as near as steps led, and a sentence about it where one is due.
 
-    far: deviations that the parameter which moved farthest is from where the steps began.
+    far: deviations that the parameter which moved farthest is from where the steps began. arrived: whether the parameters are those.
     """
 
     solution: Solution
     said: tuple[str, ...] = ()
     far: float = 0.0
+    arrived: bool = False
 
 
 def marginal(program: Program, solution: Solution, say: Callable[[str], None]) -> Moved:
@@ -100,7 +101,7 @@ class _Way:
 
     def _answer(self, best: Marginal, left: float, std: Array, moving: NDArray[np.int64]) -> Moved:
         if best.solution is self._first:
-            return Moved(solution=self._first, said=() if left < WORTH else (UNMOVED,))
+            return Moved(solution=self._first, said=() if left < WORTH else (UNMOVED,), arrived=left < WORTH)
         if left > NEAR:
             return Moved(solution=self._first, said=(UNMOVED,))
         t = self._first.transcription
@@ -110,7 +111,7 @@ class _Way:
         name = t.dae.parameters[t.nlp.free[int(moving[k])]].name
         distance = f"{name} is {far[k]:+.2g} deviations from its most probable value together with a trajectory"
         said = (f"Parameters are those of most marginal likelihood: {distance}.",) if abs(far[k]) > TOLD else ()
-        return Moved(solution=best.solution, said=said, far=abs(float(far[k])))
+        return Moved(solution=best.solution, said=said, far=abs(float(far[k])), arrived=True)
 
     def _step(self, solution: Solution, moving: NDArray[np.int64], A: Array, F: Array, std: Array) -> Array:
         """argmin |A step - F| within the bounds."""

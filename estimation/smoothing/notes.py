@@ -14,15 +14,16 @@ from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
-from ..wording import listed
-from .agreement import contradictions, nothing_there
+from ..wording import listed, number, per_root_bandwidth
+from .agreement import contradictions, nothing_there, too_sharp
 from .along import forces
 from .beforehand import contradicted
 from .mesh_error import allowed
+from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
 from .suppositions import bound_notes, colour, supposed_notes
-from .undetermined import open_combinations
+from .undetermined import hardly_told, open_combinations
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
@@ -34,16 +35,24 @@ LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
+PULLED = 3.0  # deviations beyond its bound from which on a parameter is sure to be pulled there
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
 
 def notes(
-    problem: Problem, run: Run, fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, ResidualSummary], errors: Errors
+    problem: Problem,
+    run: Run,
+    bounds: OnBounds | None,
+    fit: Mapping[str, Mapping[str, OutputFit]],
+    residuals: Mapping[str, ResidualSummary],
+    errors: Errors,
 ) -> tuple[str, ...]:
     """Notes on a run, a sentence or two each. errors: recording -> output -> standardised prediction errors (n,)."""
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, residuals)
+    misled = too_sharp(problem, run)
     return (
+        *misled.values(),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_dead_inputs(problem),
@@ -51,7 +60,7 @@ def notes(
         *_on_the_start(problem.plain, run),
         *_on_forces(problem, run),
         *supposed_notes(problem),
-        *_on_the_answer(problem.posed, run),
+        *_on_the_answer(problem.posed, run, bounds),
         *_on_far_ones(problem.posed, run.choice.solution),
         *run.said,
         *_on_what_is_left_out(problem),
@@ -59,8 +68,8 @@ def notes(
         *outlier_notes(problem, run.choice.solution, errors),
         *contradictions(problem, run),
         *contradicted(problem, run.choice.solution),
-        *on_errors(fit),
-        *on_residuals(residuals, nothing_there(problem, run)),
+        *on_errors(fit, misled),
+        *on_residuals(residuals, set(residuals) if misled else nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),
     )
 
@@ -89,13 +98,24 @@ def _on_rates(problem: Problem) -> list[str]:
 
 
 def _on_dead_inputs(problem: Problem) -> list[str]:
-    """Inputs that are nothing in every row that is fitted: a channel that was not plugged in, or a machine left to itself."""
+    """Inputs that are the same in every row that is fitted: a channel that was not plugged in, or a machine left to itself.
+
+    A supply that is constant beside an input that moves says nothing against the recording.
+    """
     those = [r for r in problem.recordings if r.role == "fit"]
-    dead = [q.name for q in problem.dae.inputs if all(q.name in r.inputs and not np.any(r.inputs[q.name]) for r in those)]
-    if not dead:
-        return []
-    what = f"Input {dead[0]} is" if len(dead) == 1 else f"Inputs {listed(dead)} are"
-    return [f"{what} 0 in every row: only what the machine does by itself tells of it. Is that so, or was a channel dead?"]
+    still: dict[float, list[str]] = {}
+    for q in problem.dae.inputs:
+        if all(q.name in r.inputs for r in those) and np.ptp(u := np.concatenate([r.inputs[q.name] for r in those])) == 0:
+            still.setdefault(float(u[0]), []).append(q.name)
+    found, moved = [], sum(map(len, still.values())) < len(problem.dae.inputs)
+    for value, names in still.items():
+        if value and moved:
+            continue
+        what = f"Input {names[0]} is" if len(names) == 1 else f"Inputs {listed(names)} are"
+        told = "only what the machine does by itself tells" if value == 0 else "only the start and what the machine does by itself tell"
+        doubt = " Is that so, or was a channel dead?" if value == 0 else ""
+        found.append(f"{what} {number(value)} in every row: {told} of it.{doubt}")
+    return found
 
 
 def _on_ranges(problem: Problem) -> list[str]:
@@ -111,9 +131,11 @@ def _on_ranges(problem: Problem) -> list[str]:
     return found
 
 
-def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
-    """What the prediction errors of every output say of the stated deviations."""
-    found = []
+def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[str] = ()) -> list[str]:
+    """What the prediction errors of every output say of the stated deviations; of none where V of the outputs `misled` is wrong itself."""
+    found = list[str]()
+    if misled:
+        return found
     for recording, outputs in fit.items():
         for name, f in outputs.items():
             which = f"{name} of {recording}" if len(fit) > 1 else name
@@ -140,7 +162,7 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]]) -> list[str]:
 
 
 def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = ()) -> list[str]:
-    """What every residual force looks like; whether it is white not at the places `silent`, where there is none."""
+    """What every residual force looks like; whether it is white not at the places `silent`, where it is none or noise of a sensor."""
     found = []
     for place, r in residuals.items():
         if r.follows is not None:
@@ -205,17 +227,18 @@ def _on_forces(problem: Problem, run: Run) -> list[str]:
         found.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):
         place = dae.places[k]
+        std = f"{s:.3g} {place.unit if place.name in problem.weights.tau else per_root_bandwidth(place.unit)}"
         if place.name in problem.weights.W:
-            found.append(f"W of {place.name}: std {s:.3g} {place.unit} as given{colour(problem, place.name)}.")
+            found.append(f"W of {place.name}: std {std} as given{colour(problem, place.name)}.")
         elif place in problem.dae.places:
             end = "" if choice.settled else "; it had not settled"
             if place.name in silent:
                 found.append(
-                    f"W of {place.name}: no force can be told from none there; std {s:.3g} {place.unit} is the floor on which it ended, "
+                    f"W of {place.name}: no force can be told from none there; std {std} is the floor on which it ended, "
                     "and the data would take less: stated deviations may be too large."
                 )
                 continue
-            found.append(f"W of {place.name}: std {s:.3g} {place.unit} from what the fit leaves over, iterated {choice.rounds} times{end}.")
+            found.append(f"W of {place.name}: std {std} from what the fit leaves over, iterated {choice.rounds} times{end}.")
     if run.remeshed:
         found.append(
             "The weights from the data moved far from the first ones: the mesh was chosen anew for them, and they once more on it."
@@ -230,21 +253,15 @@ def _on_what_is_left_out(problem: Problem) -> list[str]:
     return [f"No equation and no output depends on {listed(names)}: they are told from an arbitrary start."]
 
 
-def _on_the_answer(problem: Problem, run: Run) -> list[str]:
+def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[str]:
     dae, found, solution = problem.dae, [], run.choice.solution
     t = solution.transcription
     if solution.curvature is None:
         found.append("The solver ended on no minimum: no deviations are given.")
-    found += open_combinations(problem, solution)
-    for k in solution.solved.on_bound:
-        if k >= t.nlp.trajectory_size:
-            index = t.nlp.free[k - t.nlp.trajectory_size]
-            info, value = dae.parameters[index], solution.solved.decisions[k]
-            value = min(problem.parameter_range(index), key=lambda bound: abs(bound - value))  # up to the solver's tolerance
-            found.append(
-                f"{info.name} ended on its bound, {value:.6g} {info.unit}: the data pull beyond it, and all other values and deviations "
-                "suppose that it is right."
-            )
+    curvature = solution.curvature if bounds is None else bounds.whole
+    if curvature is not None:
+        found += open_combinations(problem, solution, curvature) + hardly_told(problem, solution, curvature)
+    found += [_on_its_bound(problem, solution, k, bounds) for k in solution.solved.on_bound if k >= t.nlp.trajectory_size]
     found += bound_notes(problem, solution)
     share = _share_with_room(solution)
     if share > 0:
@@ -265,6 +282,27 @@ def _on_the_answer(problem: Problem, run: Run) -> list[str]:
                 "smaller step."
             )
     return found
+
+
+def _on_its_bound(problem: Problem, solution: Solution, place: int, bounds: OnBounds | None) -> str:
+    """What a parameter on a bound means for the others; place: among the decisions."""
+    t = solution.transcription
+    number = place - t.nlp.trajectory_size
+    info, value = t.dae.parameters[t.nlp.free[number]], solution.solved.decisions[place]
+    value = min(problem.parameter_range(t.nlp.free[number]), key=lambda bound: abs(bound - value))  # up to the solver's tolerance
+    start = f"{info.name} ended on its bound, {value:.6g} {info.unit}"
+    if bounds is None:
+        return f"{start}: the data pull beyond it, and all other values and deviations suppose that it is right."
+    k = bounds.places.tolist().index(number)
+    if bounds.beyond[k] > PULLED:
+        pull = f"the data pull it {bounds.beyond[k]:.2g} deviations beyond"
+        return f"{start}: {pull}, and all other values and deviations suppose that it is right."
+    if not np.isfinite(bounds.reach[k]):
+        return f"{start}, but the recordings do not tell it."
+    return (
+        f"{start}, and may as well be {bounds.reach[k]:.2g} {info.unit} inside of it (one chance in twenty): deviations of the other "
+        "parameters include that, those of trajectories do not."
+    )
 
 
 def _on_far_ones(problem: Problem, solution: Solution) -> list[str]:

@@ -14,19 +14,19 @@ from backsight.ocp import Solution
 
 from ..problem import Free, Problem, Weights
 from ..recordings.recording import Recording
-from ..results import DOUBT, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
+from ..results import DETERMINED, DOUBT, ParameterEstimate, ResidualSummary, Smoothing, SolverFacts
 from ..supposed import noisy_inputs, own_parameters
 from ..validation.rates import undriven_rates
 from ..validation.validate import Validation, followed, remembered, validate
 from .columns import columns, places
 from .mesh_error import Checked
 from .notes import notes
+from .on_bounds import OnBounds, on_bounds
 from .rest import rows_near_rest
 from .variances import Choice
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size
 NEGLIGIBLE = 0.05  # or of its nominal size, for one near zero that is not up against its physical bound
 
 
@@ -36,7 +36,7 @@ class Run:
 
     stds, open_outputs: per recording, the outputs' standard deviations that `choice.output_factor` multiplies, and those that nobody gave.
     remeshed: whether the weights asked for a second mesh. checked: what its mesh was found to do.
-    said: sentences of the last steps (`marginal.py`).
+    said: sentences of the last steps (`marginal.py`). marginal: whether they led to the parameters of most marginal likelihood.
     """
 
     choice: Choice
@@ -45,6 +45,7 @@ class Run:
     remeshed: bool
     checked: Checked
     said: tuple[str, ...] = ()
+    marginal: bool = False
 
     def noise(self, number: int, output: str, index: int) -> float:
         """Standard deviation in force of an output, the `index`-th of the model, in recording `number`."""
@@ -72,7 +73,8 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     tables = [piece for parts in pieces.values() for piece in parts]
     sizes = _sizes(problem, solution, tables)
     residuals = _residuals(problem, sizes, estimates, inputs, validation, rates)
-    parameters = _parameters(problem, solution, tables)
+    bounds = on_bounds(problem.posed, solution, run.marginal)
+    parameters = _parameters(problem, solution, bounds, tables)
     return Smoothing(
         model=dae.name,
         parameters=parameters,
@@ -95,8 +97,8 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
             variables=t.nlp.size,
         ),
         residual_places=residuals,
-        notes=notes(problem, run, fit, residuals, validation.errors),
-        correlation=_correlation(problem.posed, solution, parameters),
+        notes=notes(problem, run, bounds, fit, residuals, validation.errors),
+        correlation=_correlation(problem.posed, solution, bounds, parameters),
         criteria=validation.criteria,
         solution=solution,
     )
@@ -111,13 +113,16 @@ def _joined(recording: Recording, pieces: list[pd.DataFrame]) -> pd.DataFrame:
     return table.assign(**{f"{name}.measured": y for name, y in recording.outputs.items()})
 
 
-def _parameters(problem: Problem, solution: Solution, pieces: Sequence[pd.DataFrame]) -> dict[str, ParameterEstimate]:
+def _parameters(
+    problem: Problem, solution: Solution, bounds: OnBounds | None, pieces: Sequence[pd.DataFrame]
+) -> dict[str, ParameterEstimate]:
     """The model's parameters in its order; one that every recording has of its own in each, one that drifts as its mean over time.
 
     pieces: the estimates of every horizon.
     """
     posed, values = problem.posed, solution.parameters
-    variance = np.full(len(posed.free), np.nan) if solution.curvature is None else solution.curvature.parameter_variance
+    curvature = solution.curvature if bounds is None else bounds
+    variance = np.full(len(posed.free), np.nan) if curvature is None else curvature.parameter_variance
     std = dict(zip(posed.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
     number = {info.name: i for i, info in enumerate(posed.dae.parameters)}
     size = solution.transcription.nlp.trajectory_size
@@ -155,14 +160,17 @@ def _over_time(pieces: Sequence[pd.DataFrame], column: str) -> float:
     return area / span if span > 0 else float("nan")
 
 
-def _correlation(problem: Problem, solution: Solution, parameters: Mapping[str, ParameterEstimate]) -> pd.DataFrame:
+def _correlation(
+    problem: Problem, solution: Solution, bounds: OnBounds | None, parameters: Mapping[str, ParameterEstimate]
+) -> pd.DataFrame:
     """Correlations of the free parameters of the posed problem that have a deviation; what drifts is a state there, and no number."""
-    if solution.curvature is None:
+    curvature = solution.curvature if bounds is None else bounds
+    if curvature is None:
         return pd.DataFrame()
     names = [problem.dae.parameters[i].name for i in problem.free]
     told = [name for name, p in parameters.items() if p.std is not None and name in names]
     rows = [names.index(name) for name in told]
-    covariance = solution.curvature.parameter_covariance[np.ix_(rows, rows)]
+    covariance = curvature.parameter_covariance[np.ix_(rows, rows)]
     std = np.sqrt(np.diag(covariance))
     return pd.DataFrame((covariance + covariance.T) / (2 * np.outer(std, std)), told, told)  # rounding leaves no two halves the same
 

@@ -100,8 +100,15 @@ class Work:
         choice, stds, moved = work.weighed_again(choice, moved, stds, meshed.least_std)
         last = moved.solution
         choice = replace(choice, solution=last, iterations=choice.iterations + last.solved.iterations - choice.solution.solved.iterations)
-        run = Run(choice=choice, stds=stds, open_outputs=self.open_outputs, remeshed=remeshed, checked=checked, said=moved.said)
-        return run, built
+        return Run(
+            choice=choice,
+            stds=stds,
+            open_outputs=self.open_outputs,
+            remeshed=remeshed,
+            checked=checked,
+            said=moved.said,
+            marginal=moved.arrived,
+        ), built
 
     def moved(self, solution: Solution) -> Moved:
         """Parameters of most marginal likelihood from the most probable ones together with a trajectory, or these themselves."""
@@ -119,7 +126,7 @@ class Work:
         if together.solved.status.converged:
             moved = marginal(Program.at(self.problem, together), together, self.say)
             if UNMOVED not in moved.said and _log_likelihood(moved.solution) > here:
-                return moved
+                return replace(moved, far=_apart(solution, moved.solution))
         held = released(solution, ())
         moved = marginal(program, held, self.say)
         return moved if UNMOVED in moved.said else replace(moved, said=())  # they were at no mode before
@@ -233,6 +240,15 @@ class Work:
         if program.losses is None:
             return found, lambda: found
         return found, lambda: program.solve(found.solved.decisions, program.values, True, self.say)
+
+
+def _apart(solution: Solution, other: Solution) -> float:
+    """Deviations, of the second one, that the parameter which differs most is from one solution to the other."""
+    if other.curvature is None:
+        return 0.0
+    n = other.transcription.nlp.trajectory_size
+    step, variance = (other.solved.decisions - solution.solved.decisions)[n:], other.curvature.parameter_variance
+    return float(np.sqrt(np.max(step**2 / variance, where=variance > 0, initial=0.0)))
 
 
 def _log_likelihood(solution: Solution) -> float:

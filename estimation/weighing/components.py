@@ -58,7 +58,12 @@ class Component:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % of its std, on the logarithmic scale."""
+        """95 % of its std: on the logarithmic scale, or from none to a limit on that of variances where there may be none.
+
+        Near zero the information on s^2, that on log s over 4 s^4, is finite: s^2 is at most s^2 + 1.645 * 2 s^2 std(log s).
+        """
+        if self.may_be_none:
+            return 0.0, self.std * float(np.sqrt(1.0 + 2.0 * 1.644854 * self.log_std))
         spread = float(np.exp(1.959964 * self.log_std))
         return self.std / spread, self.std * spread
 

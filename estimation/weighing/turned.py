@@ -25,6 +25,7 @@ from ..results import Smoothing
 from ..smoothing.program import Program
 from ..smoothing.rest import near_rest
 from ..supposed import INPUT, PARAMETER
+from ..wording import per_root_bandwidth
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
@@ -198,10 +199,11 @@ def turned(problem: Problem, result: Smoothing) -> Turned:
             weights.append(Weight(name=name, kind="V", std=in_force.V[name], unit=place.unit, row=row, measured_input=True))
         elif place.name.startswith(PARAMETER):
             name = place.name.removeprefix(PARAMETER)
-            weights.append(Weight(name=name, kind="drift", std=posed.weights.W[place.name], unit=place.unit, row=row))
+            weights.append(Weight(name=name, kind="drift", std=posed.weights.W[place.name], unit=f"{place.unit}/sqrt(s)", row=row))
         else:
             name = place.name
-            weights.append(Weight(name=name, kind="W", std=in_force.W[name], unit=place.unit, row=row))
+            unit = place.unit if name in in_force.tau else per_root_bandwidth(place.unit)
+            weights.append(Weight(name=name, kind="W", std=in_force.W[name], unit=unit, row=row))
             if name in in_force.tau:
                 states = stationary_std(name, 1.0, in_force.tau[name], in_force.kind.get(name, "ou"))
                 coloured[row] = tuple(names.index(state) for state in states)

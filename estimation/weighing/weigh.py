@@ -29,7 +29,7 @@ from .components import Component, Found
 from .estimated import estimated, opened
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
-from .plan import settings
+from .plan import ALONE, settings
 from .setting import Outcome, Setting, Stand, solve, values_of
 from .store import Store
 from .turned import Turned, turned
@@ -40,6 +40,13 @@ Progress = Callable[[str], None]
 
 TIED = 3.0  # log likelihood of what was held out: less makes no difference
 LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
+JUDGED = "what was held out is more probable with them (log likelihood ratio)"
+THOSE = {
+    LIKELIHOOD: "the weights of greatest likelihood",
+    GIVEN: "the weights as given",
+    RULE: "those of the rule of magnitudes",
+    FIRST: "those that smooth chooses by itself",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,9 +55,10 @@ class Weighing:
 
     recommended: the problem smoothed with the weights that it recommends, which are `recommended.weights`; chosen: the setting that they
     come from; why: a sentence.
-    components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds a tenfold std would move it, to
-    first order. outcomes: of all settings. forces: place -> rms of the largest force there. arrived: whether
-    the search for the greatest likelihood did. notes: what the study says in words.
+    components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds it lies elsewhere with a tenth and
+    with ten times the weight's std, as solved; NaN where that did not converge. slopes: the same to first order, for an e-fold std, of the
+    parameters most probable together with a trajectory. outcomes: of all settings. forces: place -> rms of the largest force there.
+    arrived: whether the search for the greatest likelihood did. notes: what the study says in words.
     """
 
     recommended: Smoothing
@@ -58,7 +66,8 @@ class Weighing:
     why: str
     components: Mapping[str, Component]
     correlation: Mapping[tuple[str, str], float]
-    moves: Mapping[str, Mapping[str, float]]
+    moves: Mapping[str, Mapping[str, tuple[float, float]]]
+    slopes: Mapping[str, Mapping[str, float]]
     outcomes: tuple[Outcome, ...]
     forces: Mapping[str, float]
     arrived: bool
@@ -96,21 +105,21 @@ def weigh(
     say("smoothing with the recommended weights")
     weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
     result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), progress=say)
-    moves = _moves(knobs, best)
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,
         why=why,
         components=told.components,
         correlation=_correlation(knobs, best),
-        moves=moves,
+        moves=_moves(outcomes),
+        slopes=_slopes(knobs, best),
         outcomes=tuple(outcomes),
         forces=force,
         arrived=best.arrived,
         notes=(),
         problem=problem,
     )
-    return replace(found, notes=(*([split] if split else []), *words(found), *result.notes))
+    return replace(found, notes=(*([split] if split else []), *words(found), *_of_the_fit(found)))
 
 
 def _weights(weights: Weights, knobs: Turned, theta: Array) -> Weights:
@@ -155,26 +164,50 @@ def _recommended(outcomes: list[Outcome]) -> tuple[Outcome, str]:
     judged = [o for o in candidates if np.isfinite(o.held_out)]
     if best is None or not judged or not np.isfinite(best.held_out):
         chosen = best or max(candidates, key=lambda o: o.log_likelihood)
-        return chosen, f"The weights of {chosen.setting.name}; nothing that was held out could judge them."
+        return chosen, f"Recommended: {THOSE[chosen.setting.name]}; nothing that was held out could judge them."
     first = max(judged, key=lambda o: o.held_out)
     ahead = first.held_out - best.held_out
     if ahead > TIED:
-        why = f"what was held out is {ahead:.0f} nats likelier with them than with those of greatest likelihood"
-        return first, f"The weights {first.setting.name}: {why}."
-    others = [f"{o.setting.name} by {best.held_out - o.held_out:.0f} nats" for o in judged if best.held_out - o.held_out > TIED]
-    ahead_of = f"; judged by what was held out they are ahead of those {listed(others)}" if others else ""
-    return best, f"The weights of greatest likelihood{ahead_of}."
+        why = f"{JUDGED} than with {THOSE[LIKELIHOOD]} ({ahead:.0f})"
+        return first, f"Recommended: {THOSE[first.setting.name]}; {why}."
+    others = [f"{THOSE[o.setting.name]} ({best.held_out - o.held_out:.0f})" for o in judged if best.held_out - o.held_out > TIED]
+    ahead_of = f"; {JUDGED} than with {listed(others)}" if others else ""
+    return best, f"Recommended: {THOSE[LIKELIHOOD]}{ahead_of}."
 
 
-def _moves(knobs: Turned, best: Found) -> dict[str, dict[str, float]]:
+def _of_the_fit(found: Weighing) -> list[str]:
+    """What smoothing with the recommended weights says, but for these, of which the study itself speaks, and for forces that are none."""
+    none = [label.removeprefix("W of ") for label, c in found.components.items() if label.startswith("W of ") and c.may_be_none]
+    told = tuple(f"{label}: std" for label in found.components) + tuple(f"residual.{place} " for place in none)
+    return [note for note in found.recommended.notes if not note.startswith(told)]
+
+
+def _moves(outcomes: Sequence[Outcome]) -> dict[str, dict[str, tuple[float, float]]]:
+    """Of every weight that is turned by itself, against the setting of greatest likelihood."""
+    found: dict[str, dict[str, tuple[float, float]]] = {}
+    best = next((o for o in outcomes if o.setting.name == LIKELIHOOD and o.converged), None)
+    alone = {(o.setting.varied, o.setting.factor): o for o in outcomes if o.setting.group == "weight"}
+    if best is None:
+        return found
+    for label in dict.fromkeys(varied for varied, _ in alone):
+        ends = [alone[label, factor] for factor in (min(ALONE), max(ALONE))]
+        found[label] = {}
+        for name, (value, std) in best.parameters.items():
+            there = np.array([o.parameters.get(name, (np.nan, np.nan))[0] if o.converged else np.nan for o in ends])
+            tenth, tenfold = ((there - value) / std if std > 0 else np.full(2, np.nan)).tolist()
+            found[label][name] = float(tenth), float(tenfold)
+    return found
+
+
+def _slopes(knobs: Turned, best: Found) -> dict[str, dict[str, float]]:
     solution, n = best.solution, best.solution.transcription.nlp.trajectory_size
     slope = sensitivity(solution, best.likelihood.pulls)[n:]
     curvature = solution.curvature
     std = np.sqrt(curvature.parameter_variance) if curvature is not None else np.full(len(slope), np.nan)
     names = [solution.transcription.dae.parameters[i].name for i in solution.transcription.nlp.free]
     std = np.where(std > 0, std, np.nan)  # on a bound it does not move at all
-    tenfold = np.log(10.0) * slope / std[:, None]
-    return {w.label: dict(zip(names, tenfold[:, f].tolist(), strict=True)) for f, w in enumerate(knobs.weights)}
+    slope = slope / std[:, None]
+    return {w.label: dict(zip(names, slope[:, f].tolist(), strict=True)) for f, w in enumerate(knobs.weights)}
 
 
 def _correlation(knobs: Turned, best: Found) -> dict[tuple[str, str], float]:

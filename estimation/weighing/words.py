@@ -11,7 +11,7 @@ from ..wording import listed
 if TYPE_CHECKING:
     from .weigh import Weighing
 
-FELT = 0.1  # of a parameter's std: a weight that moves none by as much, tenfold, hardly matters
+FELT = 0.1  # of a parameter's std: a weight that moves none by as much, a tenth or tenfold, hardly matters
 MOVING = 1.0  # and one that moves some by as much decides about it
 TOLD = 0.35  # std of a logarithm above which a weight is hardly told: a factor of two either way
 TWINS = 0.9  # correlation of two weights of which one can stand for the other
@@ -59,13 +59,18 @@ def _weights(found: Weighing) -> list[str]:
 
 
 def _moving(found: Weighing) -> list[str]:
-    quiet = [label for label, moves in found.moves.items() if moves and max(abs(m) for m in moves.values()) < FELT]
-    out = [f"Hardly a matter: {listed(quiet)}; tenfold it would move no parameter by {FELT:g} of its std."] if quiet else []
+    quiet, out = list[str](), list[str]()
     for label, moves in found.moves.items():
-        most = max(moves, key=lambda name: abs(moves[name]), default=None)
-        if most is not None and abs(moves[most]) > MOVING:
-            out.append(f"{label} decides about {most}: ten times as large it would move it by {abs(moves[most]):.1f} of its std.")
-    return out
+        ends = [(abs(move), name, word) for name, ends in moves.items() for move, word in zip(ends, ("a tenth", "ten times"), strict=True)]
+        if not ends or not all(np.isfinite(size) for size, _, _ in ends):
+            ends = [end for end in ends if np.isfinite(end[0])]
+        elif max(ends)[0] < FELT:
+            quiet.append(label)
+        if ends and max(ends)[0] > MOVING:
+            size, most, word = max(ends)
+            out.append(f"{label} decides about {most}: with {word} its std it moves by {size:.1f} of its own.")
+    still = f"Hardly a matter: {listed(quiet)}; with a tenth or ten times the std no parameter moves by {FELT:g} of its own."
+    return [still, *out] if quiet else out
 
 
 def _conditioning(found: Weighing) -> list[str]:

@@ -31,6 +31,22 @@ def estimate(name: str, value: float, unit: str, **more: Any) -> ParameterEstima
     return ParameterEstimate(name=name, value=value, unit=unit, **({"std": None, "fixed": False, "identifiable": True} | more))
 
 
+@pytest.mark.parametrize(
+    ("value", "std", "written"),
+    [
+        (95.01149, 0.0271, "95.011 ± 0.027 kg"),
+        (1234567.8, 20.0, "1234568 ± 20 kg"),
+        (3.2e136, 4.1e140, "3.2e+136 ± 4.1e+140 kg"),
+        (4.2e-9, 3.1e-12, "4.2000e-09 ± 3.1e-12 kg"),
+        (-4.00040e-5, 3.7e-9, "-4.00040e-05 ± 3.7e-09 kg"),
+        (0.00150001, 3e-8, "0.001500010 ± 3e-08 kg"),
+        (0.0, 3e-18, "0.000000000000000 ± 3e-18 kg"),
+    ],
+)
+def test_an_estimate_is_written_to_the_digits_of_its_deviation_and_no_longer(value, std, written):
+    assert str(estimate("body.m", value, "kg", std=std)) == written
+
+
 PARAMETERS = {
     p.name: p
     for p in (

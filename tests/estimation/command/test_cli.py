@@ -309,6 +309,23 @@ def test_models_are_listed_and_described(capsys):
     assert described["parameters"]["carriage.m"]["unit"] == "kg"
 
 
+def test_components_are_listed_and_explained(capsys):
+    """By library and by name; of a name that two libraries have, both."""
+    assert main(["models"]) == 0
+    assert "Inertia" in capsys.readouterr().out
+    assert main(["models", "electrical"]) == 0
+    text = capsys.readouterr().out
+    for word in ("from backsight.models.electrical import DCMotor", "Km [V.s/rad]", "p, n (electrical), flange (rotational)"):
+        assert word in text
+    assert main(["models", "Accelerometer", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["components"]
+    assert [c["module"].rpartition(".")[2] for c in found] == ["planar", "spatial"]
+    assert main(["models", "Inertia", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["components"]
+    assert found["connectors"] == {"flange": "Rotational"}
+    assert found["parameters"]["J"]["unit"] == "kg.m2"
+
+
 def test_an_unknown_model_is_bad_input(tmp_path, capsys):
     assert "did you mean 'actuator'" in fails(capsys, tmp_path, "models", "actuatr")
 

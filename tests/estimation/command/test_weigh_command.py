@@ -52,6 +52,12 @@ def test_the_study_is_written_with_its_settings_and_its_recommendation(study, ca
     assert best["fit"]["x"]["balance"] == pytest.approx(1.0, abs=0.05)
     assert best["condition"] > 1
     assert set(result["influence"]["V of x"]) == {"friction.f_c", "offset.f"}
+    ten = result["study"][names.index("V of x x 10")]["parameters"]["offset.f"]["value"] - best["parameters"]["offset.f"]["value"]
+    moved = result["influence"]["V of x"]["offset.f"]
+    assert moved["tenfold"] * best["parameters"]["offset.f"]["std"] == pytest.approx(ten, rel=1e-9)
+    assert all(np.isfinite(moved[key]) for key in ("tenth", "slope"))
+    assert result["notes"].count(result["recommended"]["why"]) == 1
+    assert not any(note.startswith(("W of carriage: std", "V of x: std")) for note in result["notes"])  # the table has them
     assert any("last third" in note for note in result["notes"])
     estimates = pd.read_csv(study.parent / "axis_weighed" / "estimates.csv")
     assert np.isfinite(estimates["carriage.v"]).all()

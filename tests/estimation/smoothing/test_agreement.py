@@ -69,3 +69,19 @@ def test_a_noise_from_the_data_that_is_none_is_doubted():
     (note,) = [note for note in said(result.notes) if note.startswith("V of x is ")]
     assert float(note.split()[4]) == pytest.approx(result.weights.V["x"] / STD, rel=0.2)
     assert not [note for note in result.notes if note.startswith("x: measured")]
+
+
+@pytest.mark.parametrize("times", [0.6, 5.0, 20.0])
+def test_a_given_noise_below_that_of_the_samples_is_named_first_and_what_follows_from_it_is_not(times):
+    """Forces that nobody weighs follow the rest of the noise, and would look like a force with a memory."""
+    rng = np.random.default_rng(8)
+    time, u = drive(2 * N)
+    y = many(2 * N, 1, rng)[0] + STD * rng.normal(size=2 * N)
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD / times})
+    notes = smooth(Problem(model=MODEL, recordings=[recording])).notes
+    told = [note for note in notes if "its samples have noise of" in note]
+    assert bool(told) == (times > 2)
+    if told:
+        assert notes[0] == told[0]
+        assert float(told[0].split("noise of ")[1].split()[0]) == pytest.approx(STD, rel=0.15)
+        assert not any("memory" in note or "not white" in note for note in notes)

@@ -9,7 +9,7 @@ import pytest
 import truths
 from examples import soft_drive
 
-from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.estimation.smoothing.telling import telling_places
@@ -192,3 +192,19 @@ def test_a_load_that_rings_is_found_from_guesses_three_times_off_in_either_direc
         estimate = result.parameters[name]
         assert abs(estimate.value - value) < 4 * estimate.std, f"{name}: {estimate}"
     assert result.parameters["shaft.k"].std < 0.05 * true["shaft.k"]
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_where_no_force_acts_deviations_are_those_of_no_force_whatever_the_guesses(seed):
+    """Weights are chosen with parameters held where the way begins; what these are off by is no force once they have moved."""
+    recording, _ = recorded(seed)
+    stds = []
+    for times, weights in ((3.0, Weights()), (1 / 3, Weights()), (1.0, Weights(W={"motor": 1e-7, "load": 1e-7}))):
+        free = {name: Free(times * true) for name, true in TRUE.items()}
+        s = smooth(Problem(model=soft_drive(), recordings=[recording], parameters=free, weights=weights))
+        assert s.solver.converged
+        assert all(abs(s.parameters[name].value - true) < 3 * s.parameters[name].std for name, true in TRUE.items())
+        stds.append([s.parameters[name].std for name in TRUE])
+    np.testing.assert_allclose(stds[0], stds[1], rtol=0.02)
+    np.testing.assert_array_less(stds[2], 1.01 * np.array(stds[0]))
+    np.testing.assert_array_less(stds[0], 2 * np.array(stds[2]))

@@ -120,7 +120,7 @@ def test_weights_that_are_given_are_left_alone():
     s = fitted(0, 0.3, "")
     assert s.weights.W == {"mass": 0.3}
     assert s.weights.V == {"x": STD}
-    assert "W of mass: std 0.3 N as given." in s.notes
+    assert "W of mass: std 0.3 N.sqrt(s) as given." in s.notes
     assert "V of x: std 0.001 m as given." in s.notes
 
 
