@@ -43,6 +43,8 @@ class ParameterEstimate:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         if self.std is None or not self.std > 0:
             return f"{self.value:.6g}{unit} ({'fixed' if self.fixed else 'on its bound' if self.on_bound else 'not determined'})"
+        if not np.isfinite([self.value, self.std]).all():
+            return f"{self.value:.6g} ± {self.std:.2g}{unit}"
         decimals = 1 - int(np.floor(np.log10(self.std)))
         if self.value == 0 or SHORT <= abs(self.value) < LONG:
             value = f"{self.value:.{np.clip(decimals, 0, 15)}f}"

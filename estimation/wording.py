@@ -18,6 +18,8 @@ def number(value: float) -> str:
 
 def per_root_bandwidth(unit: str) -> str:
     """Unit of the deviation of a white force whose values have this unit: the root of its spectral density."""
+    if unit.endswith("/s"):
+        return f"{unit.removesuffix('/s')}/sqrt(s)"
     return "sqrt(s)" if unit in ("", "1") else f"{unit}.sqrt(s)"
 
 

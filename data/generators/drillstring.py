@@ -6,7 +6,9 @@
     J_b Omega_b' = k dphi - B_b Omega_b - tau_sl s            it sticks while |k dphi + m| <= tau_st, m the force on the bit
 
 b holds the voltage, the friction of the mode and the forces of PLACES. The flow of a mode is exact for any length of time, so that the
-instants of stopping and starting are found as roots of it; they are looked for every SUBSTEP.
+instants of stopping and starting are found as roots of it; they are looked for every SUBSTEP. White forces are drawn as often: held over a
+whole step they would not be white to a current that settles within it (held over h, L/R = T: its variance is 2 T/h (1 - a)/(1 + a) of that
+under a white voltage, a = exp(-h/T), for the 0.02 s of a step and 5 ms a half).
 """
 
 from collections.abc import Mapping
@@ -25,7 +27,7 @@ __all__ = ["CONDITIONS", "NAMES", "PLACES", "Drillstring", "SpeedLoop", "record"
 STATES = ("motor.i", "rotary_table.omega", "string.dphi", "bha.omega")
 OUTPUTS = ("I_m", "Omega_r")
 PLACES = ("motor", "rotary_table", "bha")  # V, N m, N m
-SUBSTEP = 0.005  # s; a bit that stops and turns back within it is not seen to stop
+SUBSTEP = 0.0025  # s; a bit that stops and turns back within it is not seen to stop
 CONDITIONS = Conditions(
     duration=40.0,
     step=0.02,
@@ -177,18 +179,20 @@ def simulate(
     Such a force is held over each substep at its value for the middle, as predicted from that of the beginning: of second order in SUBSTEP.
     """
     rows, rig = time.size, Rig(string)
-    sensors, held = Sensors(conditions, rows, rng), disturbance(conditions, PLACES, time, rng)
+    sensors, steps = Sensors(conditions, rows, rng), np.diff(time, append=time[-1] + conditions.step)
+    counts = np.ceil(steps / SUBSTEP - 1e-9).astype(int)
+    instants = np.concatenate([time[k] + steps[k] * np.arange(n) / n for k, n in enumerate(counts)])
+    drawn = disturbance(replace(conditions, step=SUBSTEP), PLACES, instants, rng)
+    held = np.split(drawn, np.cumsum(counts)[:-1])
     y, s, integral = np.zeros(4), 0, 0.0
     voltages, states, sensed = np.empty(rows), np.empty((rows, 4)), np.empty((rows, 2))
     for k in range(rows):
         states[k], sensed[k] = y, [sensors.read("I_m", k, y[0]), sensors.read("Omega_r", k, y[1])]
-        h = time[k + 1] - time[k] if k + 1 < rows else conditions.step
+        h, count = steps[k], counts[k]
         voltages[k], integral = loop.command(integral, speed[k] - sensed[k, 1], h)
-        count = int(np.ceil(h / SUBSTEP - 1e-9))
-        for i in range(count):
-            forces = held[k]
+        for i, forces in enumerate(held[k]):
             if force is not None:
-                forces = _middle(rig, y, s, voltages[k], held[k], time[k] + i * h / count, h / count, force)
+                forces = _middle(rig, y, s, voltages[k], held[k][i], time[k] + i * h / count, h / count, force)
             y, s = rig.advance(y, s, voltages[k], forces, h / count)
     return Run(
         time=time,

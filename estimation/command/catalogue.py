@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from backsight.models import Component, Dae, Model, SolveError
+from backsight.models.errors import suggestion
 
 from ..study.model_source import compiled, load_model
 
@@ -31,6 +32,13 @@ def library(name: str) -> list[Entry]:
     module = import_module(f"backsight.models.{LIBRARIES[name]}")
     members = [getattr(module, n) for n in module.__all__]
     return [(module.__name__, kind) for kind in members if inspect.isclass(kind) and issubclass(kind, Component)]
+
+
+def meant(name: str) -> str:
+    """What a name that is no plant may have been meant to be: "did you mean ...", empty where nothing is near."""
+    kinds = [kind.__name__ for known in LIBRARIES for _, kind in library(known)]
+    said = suggestion(name, dict.fromkeys([*catalogue(), *LIBRARIES, *kinds]))
+    return said if said.startswith("did you mean") else ""
 
 
 def explained(components: list[Entry]) -> str:

@@ -160,9 +160,13 @@ def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int
 
 def print_models(name: str | None, *, json: bool) -> int:
     """The list of plants and libraries, or all about one of them, or about one component."""
-    from .catalogue import LIBRARIES, catalogue, declared, description, details, explained, library
+    from backsight.models.errors import InputError
+
+    from .catalogue import LIBRARIES, catalogue, declared, description, details, explained, library, meant
 
     components = library(name) if name else []
+    if name and not components and ":" not in name and name not in catalogue() and (near := meant(name)):
+        raise InputError(f'models: "{name}" is no plant, library or component; {near}')
     if components:
         sys.stdout.write(json_text({"components": declared(components)}) if json else explained(components))
     elif name:

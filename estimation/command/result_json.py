@@ -76,7 +76,7 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
         "recommended": {**weights, "setting": found.chosen, "why": found.why},
         "influence": {
             label: {
-                n: {"slope": s, **dict(zip(("tenth", "tenfold"), found.moves.get(label, {}).get(n, ()), strict=False))}
+                n: {"slope": s, **dict(zip(("tenth", "tenfold"), found.moves.get(label, {}).get(n, (None, None)), strict=True))}
                 for n, s in of.items()
             }
             for label, of in found.slopes.items()

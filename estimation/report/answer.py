@@ -139,9 +139,7 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
         if p.fixed:
             continue
         if p.on_bound:
-            found.append(
-                f"{code(p.name)} ended on its bound: a note says how far the data pull beyond it, or how far inside it may as well be."
-            )
+            found.append(f"{code(p.name)} ended on its bound; the notes say what that means for the others.")
         elif p.identifiable is False:
             found.append(f"The data do not determine {code(p.name)}: its value is that of its guess or prior, or one of many.")
         elif p.std is not None and p.value and p.std > 0.2 * abs(p.value):

@@ -141,7 +141,8 @@ def _moves(found: Weighing) -> str:
             rows.append([label, times, *(number(ends[n][k], 2) if n in ends else NOTHING for n in names)])
         rows.append([label, "slope", *(number(slopes[n], 2) for n in names)])
     text = (
-        "By how many of its standard deviations a parameter lies elsewhere with a tenth and with ten times the weight's std, solved anew. "
+        "By how many of its standard deviations a parameter lies elsewhere with a tenth and with ten times the weight's std, solved anew, "
+        "than with the weights of greatest likelihood. "
         "The slope is that to first order, for an e-fold std, of the parameters most probable together with a trajectory: by "
         "differentiation of the conditions of optimality."
     )

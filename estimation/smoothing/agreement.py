@@ -52,19 +52,19 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
     return found
 
 
-def too_sharp(problem: Problem, run: Run) -> dict[str, str]:
-    """Output -> a sentence, where the V that was given is less than its samples have of noise: forces follow the rest."""
+def too_sharp(problem: Problem, run: Run) -> dict[tuple[str, str], str]:
+    """Recording and output -> a sentence, where the V that was given is less than what its samples have of noise."""
     found = {}
     for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, shown_noise(problem).T, strict=True)):
-        given = [h for h, table in enumerate(run.stds) if q.name in table and q.name not in run.open_outputs[h]]
-        worst = max(given, key=lambda h: shown[h] / run.noise(h, q.name, i), default=None)
-        if worst is None or shown[worst] <= SHARPER * (std := run.noise(worst, q.name, i)):
-            continue
-        found[q.name] = (
-            f"V of {q.name} is given as {std:.3g} {q.unit}, and its samples have noise of {shown[worst]:.2g} {q.unit}: what they differ by "
-            f"from one to the next alternates as white noise does. The rest was taken for forces. {MISLEAD} Give it about that, or leave "
-            "it out."
-        )
+        for h, (piece, table) in enumerate(zip(problem.fitted, run.stds, strict=True)):
+            if q.name not in table or q.name in run.open_outputs[h] or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
+                continue
+            of = f" of {piece.name}" if len({p.name for p in problem.fitted}) > 1 else ""
+            found[piece.name, q.name] = (
+                f"V of {q.name}{of} is given as {std:.3g} {q.unit}, and its samples have noise of {shown[h]:.2g} {q.unit}, by how they "
+                f"alternate or by their steps. What is more than V allows then passes for forces, or for what the model lacks. {MISLEAD} "
+                "Give it about that, or leave it out."
+            )
     return found
 
 

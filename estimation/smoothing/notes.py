@@ -12,7 +12,7 @@ from backsight.ocp.follow import Followed
 
 from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note
-from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
+from ..results import DETERMINED, DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed, number, per_root_bandwidth
 from .agreement import contradictions, nothing_there, too_sharp
@@ -23,7 +23,7 @@ from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
 from .suppositions import bound_notes, colour, supposed_notes
-from .undetermined import hardly_told, open_combinations
+from .undetermined import PULLED, hardly_told, open_combinations
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
-PULLED = 3.0  # deviations beyond its bound from which on a parameter is sure to be pulled there
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
 
@@ -131,13 +130,13 @@ def _on_ranges(problem: Problem) -> list[str]:
     return found
 
 
-def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[str] = ()) -> list[str]:
-    """What the prediction errors of every output say of the stated deviations; of none where V of the outputs `misled` is wrong itself."""
+def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tuple[str, str]] = ()) -> list[str]:
+    """What the prediction errors of every output say of the stated deviations; not of those `misled`, whose V is wrong."""
     found = list[str]()
-    if misled:
-        return found
     for recording, outputs in fit.items():
         for name, f in outputs.items():
+            if (recording, name) in misled:
+                continue
             which = f"{name} of {recording}" if len(fit) > 1 else name
             if f.whiteness_p is not None and f.effective_samples is not None and f.whiteness_p < DOUBT:
                 worth = f"{f.effective_samples:.0f} effective of {f.samples} samples"
@@ -258,9 +257,7 @@ def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[
     t = solution.transcription
     if solution.curvature is None:
         found.append("The solver ended on no minimum: no deviations are given.")
-    curvature = solution.curvature if bounds is None else bounds.whole
-    if curvature is not None:
-        found += open_combinations(problem, solution, curvature) + hardly_told(problem, solution, curvature)
+    found += open_combinations(problem, solution, bounds) + hardly_told(problem, solution, bounds)
     found += [_on_its_bound(problem, solution, k, bounds) for k in solution.solved.on_bound if k >= t.nlp.trajectory_size]
     found += bound_notes(problem, solution)
     share = _share_with_room(solution)
@@ -292,17 +289,21 @@ def _on_its_bound(problem: Problem, solution: Solution, place: int, bounds: OnBo
     value = min(problem.parameter_range(t.nlp.free[number]), key=lambda bound: abs(bound - value))  # up to the solver's tolerance
     start = f"{info.name} ended on its bound, {value:.6g} {info.unit}"
     if bounds is None:
-        return f"{start}: the data pull beyond it, and all other values and deviations suppose that it is right."
+        return f"{start}: all other values and deviations suppose that it is right."
     k = bounds.places.tolist().index(number)
     if bounds.beyond[k] > PULLED:
         pull = f"the data pull it {bounds.beyond[k]:.2g} deviations beyond"
         return f"{start}: {pull}, and all other values and deviations suppose that it is right."
     if not np.isfinite(bounds.reach[k]):
         return f"{start}, but the recordings do not tell it."
-    return (
-        f"{start}, and may as well be {bounds.reach[k]:.2g} {info.unit} inside of it (one chance in twenty): deviations of the other "
-        "parameters include that, those of trajectories do not."
-    )
+    if not np.isfinite(bounds.beyond[k]):
+        return f"{start}: the recordings tell it together with others that are on their bounds, and all else supposes that these are right."
+    include = "deviations of the other parameters include that, those of trajectories and of what drifts do not"
+    free = [(t.dae.parameters[i], float(solution.parameters[i])) for i in t.nlp.free]
+    size = np.array([max(abs(value), abs(q.nominal)) or 1.0 for q, value in free])
+    if np.max(np.abs(bounds.follow[:, k]) * bounds.reach[k] / size) > DETERMINED:  # farther than what is linear
+        return f"{start}, but the recordings hardly tell it: {include}."
+    return f"{start}, and may as well be {bounds.reach[k]:.2g} {info.unit} inside of it (one chance in twenty): {include}."
 
 
 def _on_far_ones(problem: Problem, solution: Solution) -> list[str]:

@@ -1,17 +1,18 @@
 """Parameters that ended on a bound: how far inside of it they may as well lie, and what that adds to the deviations of all others.
 
-With B the parameters on bounds, A the others, Sigma the covariance of all with no bounds and g the slope of the log likelihood inward
-of one of B, its distance delta >= 0 from its bound, the others of B on theirs, is distributed as
+With B the parameters on bounds, A the others, Sigma the covariance of all without these bounds, g the slope of the log likelihood where
+they lie, and delta >= 0 how far inside of their bounds B are (signed inward, at most the width w of their ranges),
 
-    N(sigma^2 g, sigma^2) cut off at zero,        sigma^2 = 1 / (Sigma_BB^-1)_ii
+    delta ~ N(Sigma_BB g_B, Sigma_BB) cut off to 0 <= delta <= w,        M = E delta delta'
+    E (p_A - p_A^)(p_A - p_A^)'  =  Sigma_AA - K Sigma_BA  +  K M K',    K = Sigma_AB Sigma_BB^-1
 
-and all else moves with it, by K delta with K = Sigma_AB Sigma_BB^-1 (its columns signed inward):
+The first two terms are the covariance of a fit in which the bounds are right. Where the data pull far beyond them M is next to nothing;
+where they hardly care, whatever moves with a parameter on its bound is as open. Moments of the cut-off distribution by importance sampling,
+one component after the other given those before (Geweke, Hajivassiliou & Keane; see Train, Discrete Choice Methods with Simulation,
+section 5.6.3), of quasi-random numbers, the same at every call.
 
-    E (p_A - p_A^)^2  =  Sigma_AA - K Sigma_BA  +  K diag(E delta^2) K'
-    E delta^2  =  sigma^2 (1 + a^2 - a phi(a)/Phi(-a)),        a = -sigma g
-
-(Johnson, Kotz & Balakrishnan, Continuous Univariate Distributions 1, section 13.10). Where the data pull far beyond a bound that adds
-nothing to the deviations of a fit in which the bounds are right. Where they hardly care, whatever moves with it is as open.
+Combinations that nothing tells (null directions): where bounds on both sides of one leave it no way, its parameters stay on theirs.
+Else whatever it moves is not told.
 """
 
 from __future__ import annotations
@@ -20,27 +21,31 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, truncnorm
+from scipy.stats import qmc, truncnorm
 
 from backsight.ocp import Solution
 from backsight.ocp.curvature import Curvature
+from backsight.ocp.marginal import Marginal
 
-from ..problem import Problem
 from .marginal import at
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-FAR = 30.0  # deviations beyond a bound from which on E delta^2 is that of an exponential distribution, 2 sigma^2 / a^2
+DRAWS = 12  # log2 of their number
+CHANCE = 0.05  # of what lies farther inside than `reach`
+NOTHING = 1e-4  # of the largest entry of a null direction, in the program's units: less is rounding
 
 
 @dataclass(frozen=True, kw_only=True)
 class OnBounds:
     """Of the np free parameters those that are on a bound, `places` (b,).
 
-    beyond (b,): by how many of its own deviations the data pull each beyond its bound; negative where they pull it inward, NaN where they
-    do not tell it at all. reach (b,): how far inside it is with a chance of 5 %, inf where they do not tell it.
+    beyond (b,): by how many deviations the data pull each beyond its bound, the others on theirs; negative where they pull it inward, NaN
+    where they do not tell it. reach (b,): how far inside it is with a chance of 5 %, inf where they do not tell it.
     parameter_covariance (np, np): of all, as above, zero of those on a bound; parameter_variance (np,): its diagonal, inf of what the data
-    do not determine. whole: the curvature with no bounds.
+    do not determine. without: the curvature without these bounds; null: its null directions, none where bounds leave them no way.
+    inward (np,): +1 for a parameter on its lower bound, -1 on its upper one, 0 for the others. follow (np, b): how far all move with each,
+    per unit that it moves inward, the others on their bounds.
     """
 
     places: NDArray[np.int64]
@@ -48,57 +53,103 @@ class OnBounds:
     reach: Array
     parameter_covariance: Array
     parameter_variance: Array
-    whole: Curvature
+    without: Curvature
+    null: Array
+    inward: Array
+    follow: Array
 
 
-def on_bounds(problem: Problem, solution: Solution, marginal: bool) -> OnBounds | None:
+def on_bounds(solution: Solution, lower: Array, upper: Array, marginal: bool) -> OnBounds | None:
     """What the parameters on bounds leave open; None where there are none, or where without them the solution is no minimum.
 
-    problem: the posed one. marginal: whether the likelihood is that with the trajectories integrated out.
+    lower, upper (np,): their bounds. marginal: whether the likelihood is that with the trajectories integrated out.
     """
-    inward = _inward(problem, solution)
-    places, there = np.flatnonzero(inward), at(solution)
-    if not len(places) or there.whole is None:
+    n = solution.transcription.nlp.trajectory_size
+    places = np.array([k - n for k in solution.solved.on_bound if k >= n], dtype=np.int64)
+    if not len(places):
         return None
-    count = len(inward)
-    told = np.isfinite(there.whole.parameter_variance)
-    slope = np.zeros(count)
-    if there.minimum:
-        slope[there.moving] = there.slope if marginal else -there.pull
+    there = at(solution)
+    if there.whole is None or not there.minimum:
+        return None
+    try:
+        return _told(solution.solved.decisions[n:], places, there, lower, upper, marginal, solution.values.unit[n:])
+    except np.linalg.LinAlgError:  # told apart by no more than rounding
+        return None
+
+
+def _told(p: Array, places: NDArray[np.int64], there: Marginal, lower: Array, upper: Array, marginal: bool, unit: Array) -> OnBounds | None:
+    if there.whole is None:
+        return None
+    inward = np.zeros(len(p))
+    inward[places] = np.where(p[places] - lower[places] < upper[places] - p[places], 1.0, -1.0)
+    blocked = _blocked(there.whole, inward, unit)
+    if blocked:
+        told, whole = np.isin(np.arange(len(p)), there.moving), np.zeros((len(p), len(p)))
+        whole[np.ix_(there.moving, there.moving)] = there.covariance
+        open_ones = np.zeros(len(p), dtype=bool)
+    else:
+        told, whole = np.isfinite(there.whole.parameter_variance), there.whole.parameter_covariance
+        open_ones = ~told
+    slope = np.zeros(len(p))
+    slope[there.moving] = there.slope if marginal else -there.pull
     B, A = places[told[places]], np.flatnonzero((inward == 0) & told)
-    whole, towards = there.whole.parameter_covariance, inward[B]
-    precision = np.linalg.inv(whole[np.ix_(B, B)])
-    K = whole[np.ix_(A, B)] @ precision
-    sigma = 1.0 / np.sqrt(np.diag(precision))
-    a = -sigma * slope[B] * towards
-    covariance = np.zeros((count, count))
-    covariance[np.ix_(A, A)] = whole[np.ix_(A, A)] - K @ whole[np.ix_(B, A)] + (K * (sigma**2 * _second_moment(a))) @ K.T
-    beyond, reach = np.full(count, np.nan), np.full(count, np.inf)
-    beyond[B], reach[B] = a, sigma * (truncnorm.isf(0.05, a, np.inf) - a)
+    towards = inward[B]
+    sigma = whole[np.ix_(B, B)] * np.outer(towards, towards)
+    K = whole[np.ix_(A, B)] * towards @ np.linalg.inv(sigma)
+    M, reach = _cut_off(sigma @ (slope[B] * towards), sigma, (upper - lower)[B])
+    covariance = np.zeros((len(p), len(p)))
+    covariance[np.ix_(A, A)] = whole[np.ix_(A, A)] - K @ sigma @ K.T + K @ M @ K.T
+    beyond, far = np.full(len(p), np.nan), np.where(open_ones, np.inf, 0.0)
+    follow = np.zeros((len(p), len(p)))
+    follow[np.ix_(A, B)] = K
+    beyond[B] = -slope[B] * towards / np.sqrt(np.diag(np.linalg.inv(sigma)))
+    far[B] = reach
     return OnBounds(
         places=places,
         beyond=beyond[places],
-        reach=reach[places],
+        reach=far[places],
         parameter_covariance=covariance,
-        parameter_variance=np.where(told, np.diag(covariance), np.inf),
-        whole=there.whole,
+        parameter_variance=np.where(open_ones, np.inf, np.diag(covariance)),
+        without=there.whole,
+        null=there.whole.null[:0] if blocked else there.whole.null,
+        inward=inward,
+        follow=follow[:, places],
     )
 
 
-def _inward(problem: Problem, solution: Solution) -> Array:
-    """(np,): +1 for a parameter on its lower bound, -1 on its upper one, 0 for the others."""
-    t, out = solution.transcription, np.zeros(len(problem.free))
-    for k in solution.solved.on_bound:
-        if k >= t.nlp.trajectory_size:
-            number = k - t.nlp.trajectory_size
-            low, high = problem.parameter_range(problem.free[number])
-            value = float(solution.solved.decisions[k])
-            out[number] = 1.0 if value - low < high - value else -1.0
-    return out
+def _blocked(whole: Curvature, inward: Array, unit: Array) -> bool:
+    """Whether every null direction leads out of some bound, forth and back; so too where there are none."""
+    if not len(whole.null):
+        return True
+    null = whole.null[:, -len(inward) :] / unit * inward
+    null = np.where(np.abs(null) > NOTHING * np.abs(null).max(axis=1, keepdims=True), null, 0.0)
+    return bool(np.all(np.any(null > 0, axis=1) & np.any(null < 0, axis=1)))
 
 
-def _second_moment(a: Array) -> Array:
-    """Of a normal distribution of mean -a and deviation one, cut off at zero."""
-    near = np.minimum(a, FAR)
-    ratio = np.exp(norm.logpdf(near) - norm.logsf(near))
-    return np.where(a > FAR, 2.0 / np.maximum(a, FAR) ** 2, 1.0 + near**2 - near * ratio)
+def _cut_off(mean: Array, covariance: Array, width: Array) -> tuple[Array, Array]:
+    """E delta delta' (b, b) of N(mean, covariance) within 0 and width, and what each exceeds with a chance of 5 %, (b,)."""
+    b = len(mean)
+    if not b:
+        return np.empty((0, 0)), np.empty(0)
+    L = np.linalg.cholesky(covariance)
+    u = qmc.Sobol(b, rng=0).random_base2(DRAWS)
+    delta, z, weight = np.empty(u.shape), np.zeros(u.shape), np.zeros(len(u))
+    for i in range(b):
+        centre, std = mean[i] + z[:, :i] @ L[i, :i], L[i, i]
+        low, high = -centre / std, (width[i] - centre) / std
+        z[:, i] = np.clip(truncnorm.ppf(u[:, i], low, high), low, high)
+        delta[:, i] = centre + std * z[:, i]
+        weight += _log_mass(low, high)
+    weight = np.exp(weight - weight.max())
+    weight /= weight.sum()
+    order = np.argsort(delta, axis=0)
+    tails = np.cumsum(weight[order], axis=0)
+    reach = [delta[order[np.searchsorted(tails[:, i], 1.0 - CHANCE), i], i] for i in range(b)]
+    return (delta * weight[:, None]).T @ delta, np.array(reach)
+
+
+def _log_mass(low: Array, high: Array) -> Array:
+    """log of the chance that a standard normal variable is within low and high."""
+    # the density at zero over that of the cut-off one there, for low and high of any size
+    near = np.clip(0.0, low, high)
+    return np.asarray(-0.5 * near**2 - 0.5 * np.log(2 * np.pi) - truncnorm.logpdf(near, low, high), dtype=np.float64)

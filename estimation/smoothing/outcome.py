@@ -22,6 +22,7 @@ from .columns import columns, places
 from .mesh_error import Checked
 from .notes import notes
 from .on_bounds import OnBounds, on_bounds
+from .program import decision_bounds
 from .rest import rows_near_rest
 from .variances import Choice
 
@@ -73,7 +74,8 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
     tables = [piece for parts in pieces.values() for piece in parts]
     sizes = _sizes(problem, solution, tables)
     residuals = _residuals(problem, sizes, estimates, inputs, validation, rates)
-    bounds = on_bounds(problem.posed, solution, run.marginal)
+    lower, upper = (end[t.nlp.trajectory_size :] for end in decision_bounds(problem.posed, t))
+    bounds = on_bounds(solution, lower, upper, run.marginal)
     parameters = _parameters(problem, solution, bounds, tables)
     return Smoothing(
         model=dae.name,

@@ -7,24 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from backsight.ocp import Solution
-from backsight.ocp.curvature import Curvature
 
 from ..problem import Problem
 from ..results import DETERMINED
 from ..wording import listed
+from .on_bounds import OnBounds
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Unknown = tuple[str, str, float]  # name, unit, size
 
 NAMED = 6  # unknowns of a direction, and directions, that are told one by one, the largest first
-PART = 0.1  # of the largest entry of a principal axis, each in its own size: less hardly takes part
+PULLED = 3.0  # deviations beyond its bound from which on a parameter is sure to be pulled there
+LESS = 0.5  # of a deviation: what is left of it where it is another unknown's doing
 REMEDY = "Fix one, give it a std, or use a richer recording"
 NOTHING = 1e-4  # of the largest entry of a direction, each in its own size: less is rounding
 
 
-def open_combinations(problem: Problem, solution: Solution, curvature: Curvature) -> list[str]:
-    """A sentence for every direction in which the unknowns can move unseen."""
-    if not len(curvature.null):
+def open_combinations(problem: Problem, solution: Solution, bounds: OnBounds | None) -> list[str]:
+    """A sentence for every direction in which the unknowns can move unseen, those inward that are on a bound."""
+    null = bounds.null if bounds is not None else np.empty((0, 0)) if solution.curvature is None else solution.curvature.null
+    if not len(null):
         return []
     dae = problem.dae
     starts = [(f"{q.name} at the start of {r.title}", q.unit, q.nominal) for r in problem.fitted for q in dae.states]
@@ -33,7 +35,7 @@ def open_combinations(problem: Problem, solution: Solution, curvature: Curvature
     unknowns = starts + _parameters(problem, solution)
     size = np.array([abs(s) or 1.0 for _, _, s in unknowns])
     said = []
-    for direction in _few_at_a_time(curvature.null / size) * size:
+    for direction in _few_at_a_time(null / size) * size:
         scaled = np.abs(direction / size)
         moving = [int(k) for k in np.argsort(-scaled) if scaled[k] > NOTHING * scaled.max()]
         if len(moving) > NAMED + 1:
@@ -41,7 +43,8 @@ def open_combinations(problem: Problem, solution: Solution, curvature: Curvature
         if len(moving) == 1:
             said.append(f"The recordings do not determine {unknowns[moving[0]][0]}.")
             continue
-        names, steps = _steps(unknowns, direction / direction[moving[0]], moving)
+        step = direction / abs(direction[moving[0]])
+        names, steps = _steps(unknowns, step * _way(step[len(starts) :], bounds, step[moving[0]]), moving)
         said.append(f"The recordings do not tell {names} apart: moving {steps} changes nothing that was measured.")
     if len(said) > NAMED + 1:
         said = [*said[:NAMED], f"The recordings leave {len(said) - NAMED} more combinations open."]
@@ -50,29 +53,63 @@ def open_combinations(problem: Problem, solution: Solution, curvature: Curvature
     return said
 
 
-def hardly_told(problem: Problem, solution: Solution, curvature: Curvature) -> list[str]:
-    """A sentence for every combination of parameters that is determined, but no better than up to a half of what they are.
+def hardly_told(problem: Problem, solution: Solution, bounds: OnBounds | None) -> list[str]:
+    """A sentence for every combination of parameters of which each is known no better than to a half of its size for the others' sake.
 
-    Along principal axes of the parameters' covariance, each in units of its size, or of its deviation where that is larger: what lies at
-    zero has no size.
+    Of one whose deviation with the others held is less than a half of its own: with as few others as halve it, and leave it when
+    all the rest is held. They move along the least cost.
     """
-    told = np.isfinite(curvature.parameter_variance)
-    if not told.any():
+    curvature = solution.curvature if bounds is None else bounds.without
+    if curvature is None:
         return []
-    unknowns = [unknown for unknown, known in zip(_parameters(problem, solution), told, strict=True) if known]
+    told = np.isfinite(curvature.parameter_variance) & (curvature.parameter_variance > 0)
+    if bounds is not None:  # those that are pulled beyond their bounds stay there
+        told[bounds.places[~(bounds.beyond <= PULLED)]] = False
+    here = np.flatnonzero(told)
+    if len(here) < 2:
+        return []
+    everything = _parameters(problem, solution)
+    unknowns = [everything[k] for k in here]
     size = np.array([abs(s) or 1.0 for _, _, s in unknowns])
-    covariance = curvature.parameter_covariance[np.ix_(told, told)]
-    unit = np.maximum(size, np.sqrt(np.diag(covariance)))
-    variance, axes = np.linalg.eigh(covariance / np.outer(unit, unit))
-    far = variance > DETERMINED**2
-    said = []
-    for direction in _few_at_a_time(axes.T[far]) if far.any() else ():
-        moving = [int(k) for k in np.argsort(-np.abs(direction)) if abs(direction[k]) > PART * np.abs(direction).max()]
-        if len(moving) > 1:
-            step = direction * unit * np.sign(direction[moving[0]])
-            names, steps = _steps(unknowns, step * DETERMINED * np.min(size[moving] / np.abs(step[moving])), moving)
-            said.append(f"The recordings hardly tell {names} apart: moving {steps} changes next to nothing that was measured.")
+    covariance = np.asarray(curvature.parameter_covariance[np.ix_(here, here)] / np.outer(size, size), dtype=np.float64)
+    information, share = np.linalg.pinv(covariance, hermitian=True), np.sqrt(np.diag(covariance))
+    said, named = list[str](), set[int]()
+    for j in np.argsort(-share).tolist():
+        if share[j] <= DETERMINED or j in named or (group := _together(np.asarray(information), j)) is None:
+            continue
+        named |= set(group)
+        along = np.linalg.inv(information[np.ix_(group, group)])[:, 0]
+        step = np.zeros(len(everything))
+        step[here[group]] = along / np.abs(along).max() * DETERMINED * size[group]
+        names, steps = _steps(everything, step * _way(step, bounds, step[here[j]]), here[group].tolist())
+        said.append(f"The recordings hardly tell {names} apart: moving {steps} changes next to nothing that was measured.")
+    if len(said) > NAMED + 1:
+        said = [*said[:NAMED], f"So it is with {len(said) - NAMED} more combinations."]
     return [*said[:-1], f"{said[-1]} {REMEDY}."] if said else []
+
+
+def _together(information: Array, j: int) -> list[int] | None:
+    """An unknown, and the fewest others that it is poorly told for, one after the other; None where it is so by itself."""
+    count, group = len(information), [j]
+    alone = float(np.linalg.inv(information)[j, j])
+    while len(group) < count:
+        rest = [k for k in range(count) if k not in group]
+        held = [_variance(information, j, [k for k in range(count) if k == j or k not in (*group, other)]) for other in rest]
+        group.append(rest[int(np.argmin(held))])
+        if min(held) < LESS**2 * alone and _variance(information, j, group) > alone / 2:
+            return group
+    return group if count > 1 and _variance(information, j, [j]) < LESS**2 * alone else None
+
+
+def _variance(information: Array, j: int, free: list[int]) -> float:
+    """Of unknown j where only these are free."""
+    return float(np.linalg.inv(information[np.ix_(free, free)])[free.index(j), free.index(j)])
+
+
+def _way(step: Array, bounds: OnBounds | None, first: float) -> float:
+    """Forth or back: those on bounds inward, else the first one upward; step (np,)."""
+    inward = 0.0 if bounds is None else float(np.sum(np.sign(step) * bounds.inward))
+    return float(np.sign(inward or first))
 
 
 def _parameters(problem: Problem, solution: Solution) -> list[Unknown]:

@@ -17,7 +17,7 @@ from ..problem import Problem
 from ..validation.innovations import innovations, log_likelihood
 from .along import exact_forces
 from .begun import Begun, followed_by
-from .marginal import UNMOVED, Moved, marginal, released
+from .marginal import UNMOVED, Moved, at, marginal, released
 from .mesh_error import Checked, refine
 from .meshing import Meshed, mesh
 from .outcome import Run
@@ -214,6 +214,8 @@ class Work:
             moved = again if again.said == (UNMOVED,) else replace(again, said=moved.said)
             if again.far < FAR and np.max(np.abs(change)) < CLOSE:
                 break
+        else:
+            choice = replace(choice, settled=False)
         return choice, stds, moved
 
     def in_force(self, stds: Stds, choice: Choice) -> Stds:
@@ -244,11 +246,11 @@ class Work:
 
 def _apart(solution: Solution, other: Solution) -> float:
     """Deviations, of the second one, that the parameter which differs most is from one solution to the other."""
-    if other.curvature is None:
+    whole, n = at(other).whole, other.transcription.nlp.trajectory_size  # on a bound or not: that it has come there counts too
+    if whole is None:
         return 0.0
-    n = other.transcription.nlp.trajectory_size
-    step, variance = (other.solved.decisions - solution.solved.decisions)[n:], other.curvature.parameter_variance
-    return float(np.sqrt(np.max(step**2 / variance, where=variance > 0, initial=0.0)))
+    step = (other.solved.decisions - solution.solved.decisions)[n:]
+    return float(np.max(np.abs(step) / np.sqrt(whole.parameter_variance)))
 
 
 def _log_likelihood(solution: Solution) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from backsight.ocp import Solution
 
 from ..smoothing.marginal import marginal
+from ..smoothing.on_bounds import on_bounds
 from .kkt import gauss_newton
 from .likelihood import Likelihood
 from .turned import Turned
@@ -116,7 +117,7 @@ class Stand:
         likelihood = Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
         return Outcome(
             converged=True,
-            parameters=_parameters(told),
+            parameters=_parameters(turned, told),
             misfit=_misfits(turned, solution, likelihood.ratio),
             force=_forces(turned, solution, likelihood.ratio),
             cost=solved.cost,
@@ -152,8 +153,10 @@ def values_of(solution: Solution) -> dict[str, float]:
     return dict(zip((p.name for p in solution.transcription.dae.parameters), solution.parameters.tolist(), strict=True))
 
 
-def _parameters(solution: Solution) -> dict[str, tuple[float, float]]:
-    t, curvature = solution.transcription, solution.curvature
+def _parameters(turned: Turned, solution: Solution) -> dict[str, tuple[float, float]]:
+    t, n = solution.transcription, solution.transcription.nlp.trajectory_size
+    bounds = on_bounds(solution, turned.program.lower[n:], turned.program.upper[n:], marginal=True)
+    curvature = solution.curvature if bounds is None else bounds
     variance = np.full(len(t.nlp.free), np.nan) if curvature is None else curvature.parameter_variance
     values = solution.parameters
     return {t.dae.parameters[i].name: (float(values[i]), float(np.sqrt(v))) for i, v in zip(t.nlp.free, variance, strict=True)}

@@ -199,7 +199,7 @@ def turned(problem: Problem, result: Smoothing) -> Turned:
             weights.append(Weight(name=name, kind="V", std=in_force.V[name], unit=place.unit, row=row, measured_input=True))
         elif place.name.startswith(PARAMETER):
             name = place.name.removeprefix(PARAMETER)
-            weights.append(Weight(name=name, kind="drift", std=posed.weights.W[place.name], unit=f"{place.unit}/sqrt(s)", row=row))
+            weights.append(Weight(name=name, kind="drift", std=posed.weights.W[place.name], unit=per_root_bandwidth(place.unit), row=row))
         else:
             name = place.name
             unit = place.unit if name in in_force.tau else per_root_bandwidth(place.unit)

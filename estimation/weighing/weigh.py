@@ -178,6 +178,7 @@ def _recommended(outcomes: list[Outcome]) -> tuple[Outcome, str]:
 def _of_the_fit(found: Weighing) -> list[str]:
     """What smoothing with the recommended weights says, but for these, of which the study itself speaks, and for forces that are none."""
     none = [label.removeprefix("W of ") for label, c in found.components.items() if label.startswith("W of ") and c.may_be_none]
+    none = none if found.chosen == LIKELIHOOD else []
     told = tuple(f"{label}: std" for label in found.components) + tuple(f"residual.{place} " for place in none)
     return [note for note in found.recommended.notes if not note.startswith(told)]
 
@@ -194,7 +195,7 @@ def _moves(outcomes: Sequence[Outcome]) -> dict[str, dict[str, tuple[float, floa
         found[label] = {}
         for name, (value, std) in best.parameters.items():
             there = np.array([o.parameters.get(name, (np.nan, np.nan))[0] if o.converged else np.nan for o in ends])
-            tenth, tenfold = ((there - value) / std if std > 0 else np.full(2, np.nan)).tolist()
+            tenth, tenfold = ((there - value) / std if 0 < std < np.inf else np.full(2, np.nan)).tolist()
             found[label][name] = float(tenth), float(tenfold)
     return found
 

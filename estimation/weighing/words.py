@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..wording import listed
+from .plan import ALONE
 
 if TYPE_CHECKING:
     from .weigh import Weighing
@@ -60,14 +61,14 @@ def _weights(found: Weighing) -> list[str]:
 
 def _moving(found: Weighing) -> list[str]:
     quiet, out = list[str](), list[str]()
+    solved = {o.setting.name for o in found.outcomes if o.converged}
     for label, moves in found.moves.items():
-        ends = [(abs(move), name, word) for name, ends in moves.items() for move, word in zip(ends, ("a tenth", "ten times"), strict=True)]
-        if not ends or not all(np.isfinite(size) for size, _, _ in ends):
-            ends = [end for end in ends if np.isfinite(end[0])]
-        elif max(ends)[0] < FELT:
+        ends = [(abs(move), name, word) for name, pair in moves.items() for move, word in zip(pair, ("a tenth", "ten times"), strict=True)]
+        told = [end for end in ends if np.isfinite(end[0])]  # what is undetermined or on its bound moves by no share of its deviation
+        if told and max(told)[0] < FELT and {f"{label} x {s:.3g}" for s in (min(ALONE), max(ALONE))} <= solved:
             quiet.append(label)
-        if ends and max(ends)[0] > MOVING:
-            size, most, word = max(ends)
+        if told and max(told)[0] > MOVING:
+            size, most, word = max(told)
             out.append(f"{label} decides about {most}: with {word} its std it moves by {size:.1f} of its own.")
     still = f"Hardly a matter: {listed(quiet)}; with a tenth or ten times the std no parameter moves by {FELT:g} of its own."
     return [still, *out] if quiet else out

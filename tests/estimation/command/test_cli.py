@@ -328,6 +328,8 @@ def test_components_are_listed_and_explained(capsys):
 
 def test_an_unknown_model_is_bad_input(tmp_path, capsys):
     assert "did you mean 'actuator'" in fails(capsys, tmp_path, "models", "actuatr")
+    assert "did you mean 'Inertia'" in fails(capsys, tmp_path, "models", "Inertai")
+    assert "is no plant; known: actuator" in fails(capsys, tmp_path, "models", "xyzzy")
 
 
 # ---------------------------------------------------------------- failures

@@ -9,6 +9,7 @@ from examples import OFFSET, D, K, M, _on_mass, compiled, lagged, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
+from backsight.estimation.smoothing.undetermined import _together
 from backsight.models.mechanics.translational import Force, Spring
 
 PLANT, STD = truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3
@@ -101,3 +102,31 @@ def test_of_many_unknowns_that_move_together_a_few_are_named():
     assert "spring.s_rel0" in note
     assert " and 7 more apart" in note  # thirteen in all
     assert note.count("mass.s at the start of") <= 12
+
+
+def covariance_of(std: list[float], r: float) -> np.ndarray:
+    """Of four parameters, the first two correlated with r."""
+    correlation = np.eye(len(std))
+    correlation[0, 1] = correlation[1, 0] = r
+    return correlation * np.outer(std, std)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "group"),
+    [
+        (covariance_of([0.9, 0.8, 0.01, 0.01], 0.17), None),  # two that are poorly told, each by itself
+        (covariance_of([0.9, 0.8, 0.01, 0.01], 0.99), {0, 1}),
+        (covariance_of([0.9, 0.01, 0.8, 0.01], 0.99), {0, 1}),
+        (1e-6 * np.eye(4) + 0.5 * np.outer([1, 1, 0.09, 0], [1, 1, 0.09, 0]), {0, 1, 2}),  # the third moves little, and must
+        (np.eye(4) - 0.249999 * np.ones((4, 4)), {0, 1, 2, 3}),  # only their sum is told
+    ],
+)
+def test_together_are_those_of_which_one_is_poorly_told_for_the_others_sake(covariance, group):
+    found = _together(np.linalg.pinv(covariance, hermitian=True), 0)
+    assert found is None if group is None else set(found) == group
+    if found is not None:  # what is said to move changes next to nothing with all the rest held
+        information = np.linalg.pinv(covariance, hermitian=True)
+        step = np.zeros(4)
+        along = np.linalg.inv(information[np.ix_(found, found)])[:, 0]
+        step[found] = 0.5 * along / np.abs(along).max()
+        assert step @ information @ step < 3.0

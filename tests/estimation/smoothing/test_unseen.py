@@ -208,3 +208,13 @@ def test_where_no_force_acts_deviations_are_those_of_no_force_whatever_the_guess
     np.testing.assert_allclose(stds[0], stds[1], rtol=0.02)
     np.testing.assert_array_less(stds[2], 1.01 * np.array(stds[0]))
     np.testing.assert_array_less(stds[0], 2 * np.array(stds[2]))
+
+
+def test_a_parameter_that_runs_onto_a_bound_of_its_own_has_moved_too():
+    """Weights are chosen again beside it, and no deviation of zero is divided by."""
+    recording, _ = recorded(0)
+    free = {name: Free(2 * true) for name, true in TRUE.items()} | {"shaft.k": Free(80.0, min=48.0)}
+    s = smooth(Problem(model=soft_drive(), recordings=[recording], parameters=free))
+    assert s.solver.converged
+    assert s.parameters["shaft.k"].on_bound
+    assert any(note.startswith("shaft.k ended on its bound, 48 N.m/rad: the data pull it") for note in s.notes)
