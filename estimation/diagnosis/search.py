@@ -56,7 +56,7 @@ Progress = Callable[[str], None]
 
 EFFECTS = 4
 DATES = 3  # times that the date of what sets in is sought anew
-HINT = 0.25  # of the floor: with as much left over, couplings are tried, since what they do hides in inertias
+HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
@@ -239,7 +239,7 @@ class Search:
             if again is not None:
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
-        (self.problem, self.result), self.settings = found, QUICKLY
+        (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed)
         return True
 
     def _with_weights(self, problem: Problem, near: Smoothing | None = None) -> tuple[Problem, Smoothing] | None:
@@ -248,7 +248,7 @@ class Search:
         problem = without_idle(settled(problem, near), near)
         free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
         name = self.kept.name(repr(("weighed", [f.change for f in self.findings], free)))
-        settings = replace(QUICKLY, seconds=max(left, 0.0) / 2)
+        settings = replace(QUICKLY, seconds=max(left, 0.0) / 2, supposed=self.settings.supposed)
         found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=near.solution, progress=self.say))
         return None if found is None or not found.solver.converged else (problem, found)
 
@@ -266,8 +266,9 @@ class Search:
         fits = _gained(self._fits([(s.candidate, s) for s in worth]), now)
         more = self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits))])
         fits = _gained([*fits, *more], now)
-        most = max(sizes.left.values(), default=0.0)
-        if not self._explains(fits) and (most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))):
+        most, cheap = max(sizes.left.values(), default=0.0), any(clear(s, f) and sound(c, f) for c, s, f in fits)
+        hinted = most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))
+        if not self._explains(fits) and (most > FLOOR or (hinted and not cheap)):
             dear = self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
@@ -372,6 +373,8 @@ class Search:
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
         self.before = Before(problem=self.problem, model=self.model, findings=had[0], accepted=had[1])
+        brought = {p.name for p in f.problem.dae.places} - {p.name for p in self.problem.dae.places}
+        self.settings = replace(self.settings, supposed=self.settings.supposed | (hidden(f.problem) & brought))
         self.problem, self.model, self.result = f.problem, f.model, f.whole
         self._free(c)
 

@@ -41,6 +41,7 @@ class Settings:
     error. hasty: weights from the data move on before a solve has ended. weigh: whether weights that nobody gave come from the data;
     without, residual forces have the share of their balances' forces that the start has found. marginal: whether parameters are those of
     most marginal likelihood in the end, not those most probable together with a trajectory. seconds: after which `OutOfTime` is raised.
+    supposed: places of bodies that only a hypothesis has and no output shows: their residual forces stay small beside the forces there.
     options: of the solver.
     """
 
@@ -53,6 +54,7 @@ class Settings:
     weigh: bool = True
     marginal: bool = True
     seconds: float = math.inf
+    supposed: frozenset[str] = frozenset()
     options: Options = field(default_factory=Options)
 
     def __post_init__(self) -> None:

@@ -41,6 +41,8 @@ from .work import Work, to_the_end
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
 
+SUPPOSED = 0.5  # of the forces at a body that only a hypothesis has and no output shows: a larger residual force there explains for it
+
 
 def smooth(
     problem: Problem,
@@ -126,12 +128,16 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy() if begin is None else begin.start(problem), dict[int, float]()
+    ceiling: dict[int, float] = {}
     strengths = {} if begin is None else {k: begin.at_rest[p.name] for k, p in enumerate(problem.dae.places) if p.name in begin.at_rest}
     if begin is not None:
         exact = exact_forces(problem, followed, start)
         # a place that only this model has gets the share of its forces that an approach ends with
         force_std = {k: begin.force_std.get(problem.dae.places[k].name, TIGHTEST / RIGID * least) for k, least in exact.items()}
         floor = {k: min(std, exact[k]) for k, std in force_std.items()}
+        names = {k: problem.dae.places[k].name for k in moving_unseen(plain) if k not in given}
+        new = [k for k, name in names.items() if name in settings.supposed or name not in begin.force_std]
+        ceiling = {k: SUPPOSED / RIGID * exact[k] for k in new}
     elif plain.free or unseen_states(plain):
         least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
         begun = approach(plain, followed, laws, start, least, say)
@@ -157,6 +163,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         noise=LEAST_NOISE * shown_noise(problem),
         apart=begin is None and bool(plain.free and unseen_states(plain)) and to_the_end(settings),
         strengths=strengths,
+        ceiling=ceiling,
     )
     followed = followed if begin is not None else lifted(problem, plain, followed, start)
     force_std = {**force_std, **given}

@@ -63,23 +63,27 @@ def choose_weights(
     outputs: Sequence[Collection[str]],
     least_std: Mapping[int, float],
     least_noise: Array,
+    most_std: Mapping[int, float],
     say: Callable[[str], None],
     hasty: bool = False,
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
     solve(decisions, values, to the full tolerance) -> Solution. at_rest (n_soft, N): what the values have near rest (`rest.py`), which
-    tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody
-    gave of one output is one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower;
-    least_noise (H, ny): the same for the factors on the outputs' first standard deviations. hasty: weights move on from where a solve
-    stopped at its limit of iterations, far from its end or not.
+    tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody gave of one output is
+    one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower; most_std: place -> above
+    which it goes no higher; least_noise (H, ny): the least factors on the outputs' first standard deviations. hasty: weights move on from
+    where a solve stopped at its limit of iterations, far from its end or not.
     """
     dae = transcription.dae
     is_open = np.array([[q.name in names for q in dae.outputs] for names in outputs]).reshape(len(outputs), len(dae.outputs))
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
     open_forces = [i for i, k in enumerate(transcription.soft) if k in places]
     lowest = [least_std.get(k, 0.0) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
-    families = [Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300)), _moving(at_rest[i])) for i in open_forces]
+    highest = [most_std.get(k, np.inf) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
+    families = [
+        Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300)), _moving(at_rest[i]), np.log(highest[i])) for i in open_forces
+    ]
     for i in np.flatnonzero(is_open.any(axis=0)).tolist():
         least = float(np.log(max(least_noise[is_open[:, i], i].max(), 1e-300)))
         families.append(Family("samples", i, least, _samples_of(transcription, is_open[:, i])))
@@ -121,8 +125,8 @@ class Family:
     columns: of the term that belong to it; None is all.
     """
 
-    def __init__(self, term: str, row: int, lowest: float, columns: Mask | None = None) -> None:
-        self.term, self.row, self.lowest, self.columns, self.log = term, row, lowest, columns, 0.0
+    def __init__(self, term: str, row: int, lowest: float, columns: Mask | None = None, highest: float = np.inf) -> None:
+        self.term, self.row, self.lowest, self.highest, self.columns, self.log = term, row, lowest, highest, columns, 0.0
         self._last: tuple[float, float] | None = None
 
     def step(self, solution: Solution) -> float:
@@ -139,7 +143,7 @@ class Family:
         # downwards in smaller steps: where an equation holds as it stands, an ever smaller number only costs digits
         move = float(np.clip(move, -np.log(FARTHEST_DOWN), np.log(FARTHEST)))
         before, self._last = self.log, (self.log, wanted)
-        self.log = max(self.log + move, self.lowest)
+        self.log = max(min(self.log + move, self.highest), self.lowest)
         return abs(self.log - before)
 
 

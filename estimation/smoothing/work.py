@@ -47,9 +47,10 @@ class Work:
     parameters (np_all,): guesses, fixed values and widths; given: place -> std of W; open_outputs: per recording, whose noise nobody gave.
     floor: place -> std of a residual force so small that no machine's balance is as good; noise (H, ny): the same of the outputs, 0 where
     nobody knows. apart: whether parameters are held while trajectories and weights are sought. What acts on a body that no output shows
-    would be theirs together with a trajectory, and the weights with them: with parameters from the start of the way weights come out
-    right, and parameters of most marginal likelihood at these weights. strengths: place -> of the laws that residual forces have room for
-    near rest, where these are those of the solution that it begins at.
+    would be theirs together with a trajectory, and the weights with them: with parameters from the start of the way weights come out right,
+    and parameters of most marginal likelihood at these weights. strengths: place -> of the laws that residual forces have room for near
+    rest, where these are those of the solution that it begins at. ceiling: place -> std of a residual force that only a hypothesis has, and
+    no output shows: with a larger one it would be another hypothesis, that of any force at all.
     """
 
     problem: Problem
@@ -63,6 +64,7 @@ class Work:
     noise: Array
     apart: bool
     strengths: Mapping[int, float]
+    ceiling: Mapping[int, float]
 
     def run(self, followed: Followed, stds: Stds, force_std: dict[int, float], start: Array, begin: Begun | None) -> tuple[Run, float]:
         """All of it from these trajectories, weights and parameters; and when the first program was built [s of `time.perf_counter`]."""
@@ -156,6 +158,7 @@ class Work:
             self.open_outputs,
             {k: max(std, self.floor.get(k, 0.0)) for k, std in least_std.items()},
             self.least_noise(stds),
+            self.ceiling,
             self.say,
             hasty=self.settings.hasty,
         )
