@@ -50,7 +50,13 @@ class ParameterEstimate:
             value = f"{self.value:.{np.clip(decimals, 0, 15)}f}"
         else:
             value = f"{self.value:.{np.clip(decimals + int(np.floor(np.log10(abs(self.value)))), 1, 11)}e}"
-        return f"{value} ± {self.std:.2g}{unit}" + (" (not determined)" if self.identifiable is False else "")
+        untold = "" if self.identifiable is not False else " (not told from 0)" if self.near_zero else " (not determined)"
+        return f"{value} ± {self.std:.2g}{unit}{untold}"
+
+    @property
+    def near_zero(self) -> bool:
+        """Whether it is known that it is no larger than a small part of what was guessed, and not whether it is there at all."""
+        return self.identifiable is False and self.std is not None and self.guess is not None and self.std < DETERMINED * abs(self.guess)
 
 
 @dataclass(frozen=True, kw_only=True)

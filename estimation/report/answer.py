@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..results import DOUBT, TELLING
-from ..validation.patterns import companion, own_states
 from .columns import Columns
-from .decimation import spread
 from .quantities import count, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
@@ -140,10 +138,16 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
             continue
         if p.on_bound:
             found.append(f"{code(p.name)} ended on its bound; the notes say what that means for the others.")
+        elif p.near_zero:
+            found.append(f"{code(p.name)} cannot be told from 0: {escape(str(p))}.")
         elif p.identifiable is False:
             found.append(f"The data do not determine {code(p.name)}: its value is that of its guess or prior, or one of many.")
         elif p.std is not None and p.value and p.std > 0.2 * abs(p.value):
             found.append(f"{code(p.name)} is known to {number(100 * p.std / abs(p.value), 2)} % only.")
+    for place, summary in result.residual_places.items():
+        if (friend := summary.follows) is not None:
+            what, law = escape(friend.what), escape(friend.law)
+            found.append(f"The residual force at {code(place)} goes with {what} (r = {friend.correlation:.2f}), as {law} would make it.")
     by_name = {r.name: r for r in recordings}
     for name, frame in result.estimates.items():
         kinds = Columns.of(frame)
@@ -154,20 +158,6 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
             found += _odd_errors(
                 code(output) + where, error, unit, noise_std(result, output, by_name.get(name)), result.fit.get(name, {}).get(output)
             )
-        time = frame["t_s"].to_numpy(float)
-        rows = spread(time.size, ROWS)
-        for column in kinds.residuals:
-            place = column.removeprefix("residual.")
-            summary = result.residual_places.get(place)
-            unit = summary.unit if summary is not None else result.units.get(column, "")
-            w = frame[column].to_numpy(float)
-            states, _ = own_states(place, unit, kinds.states, result.units)
-            friend = companion(w, states, frame, result.units, rows, unit=unit)
-            if friend is not None:
-                what, r = escape(friend.what), number(friend.correlation, 2)
-                found.append(
-                    f"The residual force at {code(place)}{where} goes with {what} (correlation {r}), as {escape(friend.law)} would make it."
-                )
     return found
 
 

@@ -77,8 +77,11 @@ def contradictions(problem: Problem, run: Run) -> list[str]:
     for i, k in enumerate(t.soft):
         place = t.dae.places[k]
         times = _excess(*force_squares(solution, i))
-        if times and (place not in problem.dae.places or place.name in problem.weights.W):
+        ours = place not in problem.dae.places or place.name in problem.weights.W
+        if times and ours:
             found.append(f"{_exceeded(place.name, times)}: that contradicts the data, or the model lacks something there. {MISLEAD}")
+        if ours and place in problem.dae.places and (times := _wanting(*force_squares(solution, i))):
+            found.append(f"W of {place.name} allows at least {times:.2g} times what there is: deviations are too large.")
     shown = shown_noise(problem)
     for i, q in enumerate(t.dae.outputs):
         with_it = [h for h, table in enumerate(run.stds) if q.name in table]
@@ -112,6 +115,12 @@ def _excess(squares: float, f: float) -> float:
     """How many times as large as supposed a family is, where that is sure and worth a word, else 0."""
     times = float(np.sqrt(squares / f)) if f > 0 else 0.0
     return times if times > OFF and squares - f > SURE * np.sqrt(2.0 * f) else 0.0
+
+
+def _wanting(squares: float, f: float) -> float:
+    """How many times as large a weight is as what it weighs, where that is sure and worth a word, else 0."""
+    times = float(np.sqrt(f / squares)) if squares > 0 and f > TOLD else 0.0
+    return times if times > OFF and f - squares > SURE * np.sqrt(2.0 * f) else 0.0
 
 
 def force_squares(solution: Solution, i: int) -> tuple[float, float]:

@@ -35,6 +35,7 @@ LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
+FEW = 3.0  # numbers for every unknown that an estimate needs at least
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
 
 
@@ -49,9 +50,10 @@ def notes(
     """Notes on a run, a sentence or two each. errors: recording -> output -> standardised prediction errors (n,)."""
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, residuals)
-    misled = too_sharp(problem, run)
+    misled, doubts = too_sharp(problem, run), contradictions(problem, run)
     return (
         *misled.values(),
+        *_on_few(problem),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_dead_inputs(problem),
@@ -65,10 +67,10 @@ def notes(
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution, errors),
-        *contradictions(problem, run),
+        *doubts,
         *contradicted(problem, run.choice.solution),
         *on_errors(fit, misled),
-        *on_residuals(residuals, set(residuals) if misled else nothing_there(problem, run)),
+        *on_residuals(residuals, set(residuals) if misled or doubts else nothing_there(problem, run)),
         *on_explaining(problem.posed, run, residuals),
     )
 
@@ -89,6 +91,18 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
         "units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known.",
     )
+
+
+def _on_few(problem: Problem) -> list[str]:
+    """Fewer numbers than deviations mean anything for."""
+    posed = problem.posed
+    count = sum(int(np.isfinite(y).sum()) for piece in posed.fitted for y in piece.outputs.values())
+    starts = sum(len(posed.dae.states) - len(posed.known_exactly) for _ in posed.fitted)
+    unknown = len(posed.free) + starts
+    if count >= FEW * unknown:
+        return []
+    what = f"{len(posed.free)} parameters and {starts} first values of states"
+    return [f"Only {count} numbers were measured for {unknown} unknowns, {what}: estimates and deviations mean little."]
 
 
 def _on_rates(problem: Problem) -> list[str]:
@@ -161,13 +175,15 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
 
 
 def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = ()) -> list[str]:
-    """What every residual force looks like; whether it is white not at the places `silent`, where it is none or noise of a sensor."""
+    """What every residual force looks like, but at the places `silent`, where it is none, noise of a sensor, or weighed wrongly."""
     found = []
     for place, r in residuals.items():
+        if place in silent:
+            continue
         if r.follows is not None:
             f = r.follows
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
-        elif r.whiteness_p is not None and r.whiteness_p < DOUBT and place not in silent:
+        elif r.whiteness_p is not None and r.whiteness_p < DOUBT:
             m = r.memory
             W = "a W with a tau" if m is None else f'W = {{ "{place}" = {{ std = {m.rms:.2g}, tau = {m.tau:.2g} }} }}'
             found.append(
@@ -269,7 +285,7 @@ def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[
     if run.checked.unchecked:
         found.append(
             f"How far the mesh itself moves the answer was not measured ({run.checked.unchecked}), and its balances leave out enough to "
-            "ask: give W more room, a smaller step, or a shorter range."
+            "ask. It could be for a shorter range of the recording."
         )
     for name, error in run.checked.error.items():
         if error > allowed(solution, name):

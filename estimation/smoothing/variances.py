@@ -104,7 +104,7 @@ def choose_weights(
                 output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
             else:
                 force_factor[family.row] = np.exp(family.log)
-        say(f"weights from the data, round {rounds}: change {100 * np.expm1(change):.0f} %")
+        say(f"weights from the data, round {rounds}: {100 * np.expm1(change):.0f} % to go")
         if change < CLOSE:
             settled = True
             break
@@ -130,21 +130,23 @@ class Family:
         self._last: tuple[float, float] | None = None
 
     def step(self, solution: Solution) -> float:
-        """Move towards ratio = 1; returns the size of the move."""
+        """Move towards ratio = 1; returns how far that may be: as far as it moved, or more where nobody knows yet how slow the way is."""
         ratio, settled = _ratio(solution, self.term, self.row, self.columns)
         if self.term != "samples" and settled:
             return 0.0
         wanted = float(np.log(ratio))
-        move = wanted
+        move, known = wanted, False
         if self._last is not None and self.log != self._last[0]:
             slope = (wanted - self._last[1]) / (self.log - self._last[0])
             # a slope of -1 is the fixed point's own step; towards 0 it converges ever slower, and the secant is bolder
-            move = -wanted / slope if slope < -1.0 / BOLDEST else wanted * BOLDEST
+            known = slope < -1.0 / BOLDEST
+            move = -wanted / slope if known else wanted * BOLDEST
         # downwards in smaller steps: where an equation holds as it stands, an ever smaller number only costs digits
         move = float(np.clip(move, -np.log(FARTHEST_DOWN), np.log(FARTHEST)))
         before, self._last = self.log, (self.log, wanted)
         self.log = max(min(self.log + move, self.highest), self.lowest)
-        return abs(self.log - before)
+        moved = abs(self.log - before)
+        return moved if known or moved == 0 else max(moved, BOLDEST * abs(wanted))
 
 
 def _samples_of(transcription: Transcription, horizons: Mask) -> Mask:

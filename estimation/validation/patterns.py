@@ -14,6 +14,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 VELOCITY_UNITS, POSITION_UNITS = ("m/s", "rad/s"), ("m", "rad")
 PLAIN, SURE = 0.3, 4.0  # correlation, and its size in standard deviations, from which on a pattern is plain
+ONE_WAY = 0.02  # share of the time that a body which moves both ways moves the other one
+QUIET = 0.1  # of its deviations: a residual force that small is made of what was supposed of it, and follows nothing
 _FORCE_TO_MOTION = {"N": "m", "N.m": "rad", "N m": "rad", "N*m": "rad"}
 
 
@@ -71,10 +73,12 @@ def laws(state: str, unit: str, values: np.ndarray, time: np.ndarray, rate: np.n
     if unit in VELOCITY_UNITS and time.size > 2:
         # Below a thousandth of the usual speed the sign is noise, not motion.
         width = 1e-3 * float(np.sqrt(np.nanmean(values**2))) or 1.0
+        sides = np.sort([np.nanmean(values > width), np.nanmean(values < -width)])
+        both = [(f"|{state}|", "friction that differs between the two directions", np.abs(values))] if sides[0] > ONE_WAY else []
         return [
             (f"the sign of {state}", "dry friction", np.tanh(values / width)),
             (state, "viscous friction", values),
-            (f"|{state}|", "friction that differs between the two directions", np.abs(values)),
+            *both,
             (f"{state} squared, with its sign", "drag", values * np.abs(values)),
             (f"the rate of change of {state}", "a wrong or missing inertia", np.gradient(values, time) if rate is None else rate),
         ]

@@ -18,7 +18,7 @@ from .criteria import criteria
 from .fit import output_fit
 from .forces import force_whiteness
 from .innovations import innovations
-from .patterns import companion, own_states
+from .patterns import QUIET, companion, own_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -84,7 +84,9 @@ def followed(
     """What the residual of a place goes with most, in the recording where that is plainest."""
     found = []
     for name, table in estimates.items():
-        w = table[f"residual.{place}"].to_numpy(float)
+        w, std = (table[column].to_numpy(float) for column in (f"residual.{place}", f"residual.{place}.std"))
+        if np.isfinite(std).any() and np.nanmean(w**2) < QUIET**2 * np.nanmean(std**2):
+            continue
         rows = np.unique(np.linspace(0, len(w) - 1, min(len(w), ROWS)).astype(int))
         chosen, _ = own_states(place, unit, states, units)
         friend = companion(w, chosen, table, units, rows, inputs.get(name), unit, rates.get(name))

@@ -23,7 +23,7 @@ DIGITS = 16.0  # of a number
 
 def words(found: Weighing) -> tuple[str, ...]:
     """Sentences, the most important ones first."""
-    lost = () if found.arrived else ("The search for the weights of greatest likelihood did not arrive: they have no intervals.",)
+    lost = () if found.arrived else ("The search for the weights of greatest likelihood went no further: they have no intervals.",)
     return (found.why, *lost, *_equations(found), *_weights(found), *_moving(found), *_conditioning(found))
 
 

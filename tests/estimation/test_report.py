@@ -16,7 +16,7 @@ import pytest
 from backsight.estimation.problem import Weights
 from backsight.estimation.recordings.recording import Recording
 from backsight.estimation.report import write_report, write_simulation_report
-from backsight.estimation.results import Criteria, OutputFit, ParameterEstimate, Profile, ResidualSummary, Smoothing, SolverFacts
+from backsight.estimation.results import Companion, Criteria, OutputFit, ParameterEstimate, Profile, ResidualSummary, Smoothing, SolverFacts
 
 NAME = "axis <1>.csv"
 UNITS = {"t_s": "s", "x": "m", "carriage.s": "m", "carriage.v": "m/s", "residual.carriage": "N", "F": "N"}
@@ -222,11 +222,29 @@ def test_the_band_holds_95_percent_and_the_noise_lines_are_two_deviations(page: 
 
 def test_a_residual_that_follows_the_sign_of_the_velocity_is_said_to(tmp_path: Path) -> None:
     result, recordings = made(dry=2.0)
-    write_report(result, tmp_path / "r.html", recordings=recordings)
+    seen = Companion(what="the sign of carriage.v", law="dry friction", correlation=0.98, std=0.01)
+    places = {"carriage": replace(result.residual_places["carriage"], follows=seen)}
+    write_report(replace(result, residual_places=places), tmp_path / "r.html", recordings=recordings)
     text = Page(tmp_path / "r.html").text
-    assert "The residual force at carriage goes with the sign of carriage.v" in text
+    assert "The residual force at carriage goes with the sign of carriage.v (r = 0.98)" in text
     assert "dry friction" in text
     assert "Nothing looks odd" not in text
+
+
+def test_a_parameter_that_is_small_and_may_be_nothing_is_no_open_question(tmp_path: Path) -> None:
+    result, recordings = made()
+    small = estimate("friction.f_c", 3e-3, "N", std=4e-3, identifiable=False, guess=10.0)
+    unknown = estimate("friction.f_v", 3.0, "N", std=40.0, identifiable=False, guess=10.0)
+    assert str(small).endswith("(not told from 0)")
+    assert str(unknown).endswith("(not determined)")
+    write_report(
+        replace(result, parameters={**result.parameters, "friction.f_c": small, "friction.f_v": unknown}),
+        tmp_path / "r.html",
+        recordings=recordings,
+    )
+    text = Page(tmp_path / "r.html").text
+    assert "friction.f_c cannot be told from 0" in text
+    assert "The data do not determine friction.f_v" in text
 
 
 def test_errors_with_a_memory_are_said_to_have_one(tmp_path: Path) -> None:

@@ -179,3 +179,23 @@ def test_parameters_of_another_size_than_their_guesses_ask_for_the_units():
     assert all(f"{name} " in said[1][0] for name in ("carriage.m", "friction.d", "friction.f_c"))
     assert "times below its guess, 40 kg" in said[1][0]
     assert "offset.f" not in said[1][0]
+
+
+def test_fewer_numbers_than_deviations_mean_anything_for_are_counted():
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": PLANT.d, "offset.f": PLANT.offset}
+    whole = axis_run(0, 0.02)
+    short = replace(whole, time=whole.time[:9], inputs={"F": whole.inputs["F"][:9]}, outputs={"x": whole.outputs["x"][:9]})
+    few = smooth(Problem(model=MODEL, recordings=[short], parameters=free, weights=Weights(W={"mass": 0.02}))).notes
+    assert any(n.startswith("Only 9 numbers were measured for 4 unknowns, 2 parameters and 2 first values") for n in few)
+    enough = smooth(Problem(model=MODEL, recordings=[whole], parameters=free, weights=Weights(W={"mass": 0.02}))).notes
+    assert not any("numbers were measured for" in n for n in enough)
+
+
+@pytest.mark.parametrize("times", [5.0, 20.0])
+def test_a_given_weight_that_is_too_large_is_named_and_no_memory_is_seen(times):
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": PLANT.d, "offset.f": PLANT.offset}
+    notes = smooth(Problem(model=MODEL, recordings=[axis_run(1, 0.2)], parameters=free, weights=Weights(W={"mass": 0.2 * times}))).notes
+    (note,) = [n for n in notes if n.startswith("W of mass allows")]
+    # forces that may be larger follow the noise too: the factor is a lower bound
+    assert 0.3 * times < float(note.split("at least ")[1].split()[0]) < 1.1 * times
+    assert not any("memory" in n for n in notes)

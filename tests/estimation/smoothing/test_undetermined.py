@@ -54,7 +54,7 @@ def test_the_note_names_what_cannot_be_told_apart_and_the_combination():
     said = dict(part.split(" by ") for part in note.split("moving ")[1].split(" changes")[0].split(" and "))
     newton, metre = float(said["offset.f"].removesuffix(" N")), float(said["spring.s_rel0"].removesuffix(" m"))
     assert newton / metre == pytest.approx(k, rel=0.01)
-    assert note.endswith("all other deviations are right.")
+    assert note.endswith("this takes nothing from the deviations of all others.")
 
 
 def test_a_parameter_that_enters_nothing_is_named_alone():
