@@ -10,6 +10,10 @@ With theta the logarithms of standard deviations, r(X; theta) all scaled rows of
 AI is the average information of Gilmour, Thompson & Cullis (Biometrics 51, 1995): the mean of the observed and the expected one, in which
 the traces that are dear to compute have cancelled. Both neglect how H bends with X^. M, the inertia, makes a density of accelerations of
 one of forces: H has its square for every moment of the balances (`ocp/pieces.py`), and at other weights the parameters are others.
+
+A parameter that lies on its bound is integrated out like the others, or l would jump by the logarithm of its deviation where one comes to
+lie there: H has it as if it were free, and with a its pull beyond the bound, in its deviations, what is left of its integral is
+exp(a^2/2) 2 Phi(-a) of that.
 """
 
 from __future__ import annotations
@@ -20,12 +24,14 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from scipy.special import log_ndtr
 
 from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.pieces import Pieces
 
 from ..smoothing.along import along
+from ..smoothing.marginal import at
 from ..smoothing.robust import RobustSolution, log_density, row_squares
 from .kkt import gauss_newton
 from .turned import Mask
@@ -55,8 +61,21 @@ class Likelihood:
             rows = np.log(scale[scale > 0]) if term.equality else _log_densities(s, number)[scale > 0]
             total += float(np.sum(rows))
         moving = np.ones(s.transcription.nlp.size, dtype=bool)
-        moving[s.held] = False
-        return total + _log_inertia(s) - 0.5 * s.curvature.log_determinant + float(np.sum(np.log(s.values.unit[moving])))
+        determinant, left = self._integrated
+        moving[s.held if left is None else s.held[s.held < s.transcription.nlp.trajectory_size]] = False
+        return total + _log_inertia(s) - 0.5 * determinant + (left or 0.0) + float(np.sum(np.log(s.values.unit[moving])))
+
+    @cached_property
+    def _integrated(self) -> tuple[float, float | None]:
+        """log det H, and the logarithm of what bounds leave of the integral over parameters that lie on them; None where these are held."""
+        s, n = self.solution, self.solution.transcription.nlp.trajectory_size
+        on, determinant = [k - n for k in s.solved.on_bound if k >= n], np.nan if s.curvature is None else s.curvature.log_determinant
+        there = at(s) if on else None
+        if there is None or there.whole is None or not there.minimum or not np.all(np.isin(on, there.moving)):
+            return determinant, None if on else 0.0
+        places = np.searchsorted(there.moving, on)
+        a = np.abs(there.pull * there.std)[places]
+        return there.whole.log_determinant, float(np.sum(0.5 * a**2 + log_ndtr(-a) + np.log(2.0)))
 
     @property
     def squares(self) -> Array:

@@ -223,3 +223,20 @@ def test_a_problem_goes_to_another_process_and_gives_the_same_there():
     there = pickle.loads(pickle.dumps(knobs))
     theta = np.array([0.3, -0.1])
     assert np.array_equal(there.solve(theta).solved.decisions, knobs.solve(theta).solved.decisions)
+
+
+@pytest.mark.parametrize("beyond", [0.1, 1.0, 3.0])
+def test_a_parameter_that_comes_to_lie_on_its_bound_takes_no_step_of_the_likelihood_along(beyond):
+    """The integral over what its bound leaves of it, over the half that one at the estimate itself would leave."""
+    y = simulated(4)
+    _, free = posed(y, {"damper.d": Free(1.6)})
+    inside = at(free, np.zeros(2))
+    k = [p.name for p in free.program.transcription.dae.parameters].index("damper.d")
+    best, std = float(inside.solution.parameters[k]), float(np.sqrt(inside.solution.curvature.parameter_variance[0]))
+    bound = best + beyond * std
+    _, held = posed(y, {"damper.d": Free(bound + 0.1, min=bound)})
+    on = at(held, np.zeros(2))
+    assert len(on.solution.solved.on_bound) == 1
+    d = np.linspace(bound, bound + 8 * std, 4001)
+    left = np.trapezoid(np.exp(-0.5 * ((d - best) / std) ** 2), d) / (0.5 * std * np.sqrt(2 * np.pi))
+    assert on.value - inside.value == pytest.approx(np.log(left), abs=0.05 + 0.05 * abs(np.log(left)))
