@@ -89,9 +89,9 @@ def criteria_facts(c: Criteria) -> str:
     """Evidence, AIC and BIC in the order of their weight."""
     pairs = [
         ("log evidence", number(c.log_evidence, 9)),
-        ("log likelihood", number(c.log_likelihood, 9)),
-        ("AIC", number(c.aic, 9)),
-        ("BIC", number(c.bic, 9)),
+        ("log likelihood, trajectories integrated out", number(c.log_likelihood, 9)),
+        ("AIC of the samples beside the trajectories", number(c.aic, 9)),
+        ("BIC of the same", number(c.bic, 9)),
         ("effective parameters", number(c.effective_parameters, 5)),
     ]
     return facts(pairs)

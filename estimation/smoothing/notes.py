@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from backsight.models import ModelError, SolveError
+from backsight.models.analysis.identifiability import identifiability
+from backsight.models.errors import InputError
 from backsight.ocp import Solution
 from backsight.ocp.follow import Followed
 
@@ -23,7 +26,7 @@ from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
 from .suppositions import bound_notes, colour, supposed_notes
-from .undetermined import PULLED, hardly_told, open_combinations
+from .undetermined import PULLED, REMEDY, hardly_told, open_combinations
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
@@ -86,11 +89,25 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_dead_inputs(problem),
         *outlier_notes(problem, solution, {}),
+        *_on_structure(problem),
         *on_explaining(problem.posed, run, residuals),
         *_on_the_start(problem.plain, run),
         f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
         "units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known.",
     )
+
+
+def _on_structure(problem: Problem) -> list[str]:
+    """What no recording of these outputs can tell: a solve that goes astray along it does not arrive."""
+    names = [problem.dae.parameters[i].name for i in problem.free]
+    guesses = dict(zip((p.name for p in problem.dae.parameters), problem.values.tolist(), strict=True))
+    try:
+        found = identifiability(problem.dae, parameters=names, values=guesses) if names else None
+    except (InputError, ModelError, SolveError):
+        return []
+    if found is None or not found.unidentifiable:
+        return []
+    return [f"No recording of {listed(found.outputs)} can tell all that is free: {'; '.join(found.sentences())}. {REMEDY}."]
 
 
 def _on_few(problem: Problem) -> list[str]:

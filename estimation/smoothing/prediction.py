@@ -238,7 +238,7 @@ def _sentence(result: Smoothing, recording: Recording, prediction: Prediction, k
         said.append(f"{name} to {fit.rms:.3g} {unit} rms{percent}{ahead}")
     what = f": {'; '.join(said)}" if said else ""
     drift = (
-        f" {listed(kept)}: the model does not forget its state there, so errors of the start and of constant forces add up over the whole "
+        f" {listed(kept)}: the model does not forget its state there, so errors of the start and what acts unknown add up over the whole "
         "recording; short windows say more."
         if kept
         else ""

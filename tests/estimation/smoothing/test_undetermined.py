@@ -9,6 +9,7 @@ from examples import OFFSET, D, K, M, _on_mass, compiled, lagged, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
+from backsight.estimation.smoothing.notes import _on_structure
 from backsight.estimation.smoothing.undetermined import _together
 from backsight.models.mechanics.translational import Force, Spring
 
@@ -130,3 +131,14 @@ def test_together_are_those_of_which_one_is_poorly_told_for_the_others_sake(cova
         along = np.linalg.inv(information[np.ix_(found, found)])[:, 0]
         step[found] = 0.5 * along / np.abs(along).max()
         assert step @ information @ step < 3.0
+
+
+@pytest.mark.parametrize("more", [True, False])
+def test_what_no_recording_could_tell_is_said_where_a_solve_does_not_arrive(more):
+    free = {**FREE, "spring.s_rel0": Free(0.0)} if more else FREE
+    told = _on_structure(Problem(model=compiled(oscillator()), recordings=[record()], parameters=free))
+    assert len(told) == more
+    if told:
+        assert told[0].startswith("No recording of x can tell all that is free")
+        assert {"offset.f", "spring.s_rel0"} <= set(told[0].replace(",", " ").replace("*", " ").replace(";", " ").split())
+        assert "mass.m" not in told[0]
