@@ -29,7 +29,6 @@ DAMPING, DAMPING_OF_PLAY = 0.05, 0.3  # ratios
 PLAYS = (0.005,)  # of the span of the positions, from which fits start
 CORNER = 0.02  # of the play, over which it is rounded
 LOOSE = (0.05, 0.3)  # of the span of the twist of a soft coupling
-SECOND = (2.0, 10.0)  # times a soft coupling's stiffness, of the second part, from which fits start
 SECTION = 0.1  # of the inertia behind a string: that of a section of its own
 
 
@@ -123,10 +122,9 @@ def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], 
         section = SECTION * behind
         edit = Sectioned(coupling=spot.name, body=body, second=second, inertia=section)
         stiffness, inertia = f"{second}.k", f"{body}.{'m' if slides else 'J'}"
+        start = {stiffness: (2 * k, k / 10, k * 1e3), inertia: (section, section / 1e3, behind * 10)}
         rebuilt = Rebuild(edit=edit, said=f"{second}, {body} behind {spot.name}")
-        for times in SECOND:
-            start = {stiffness: (times * k, k / 10, k * 1e3), inertia: (section, section / 1e3, behind * 10)}
-            found.append(_of_transmission(spot.name, "compliance", rebuilt, start, {"k": stiffness, "m": inertia}))
+        found.append(_of_transmission(spot.name, "compliance", rebuilt, start, {"k": stiffness, "m": inertia}))
     return found
 
 
