@@ -24,6 +24,7 @@ from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
 from .delays import without_delays
+from .fits import Fits
 from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
@@ -81,12 +82,8 @@ def diagnose(
             problem=better,
             model=problem.model,
             result=first,
-            say=say,
-            pool=pool,
-            ahead=at_hand(jobs, scheduler),
-            kept=Keep(keep, better),
+            fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, better), say=say, end=end),
             settings=settings,
-            end=end,
             held=tuple(steadied.recordings) if straight else None,
         )
         search.run()

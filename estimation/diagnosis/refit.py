@@ -84,6 +84,12 @@ def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> floa
     return total + counted_out(result)[0]
 
 
+def worth_of(problem: Problem, result: Smoothing, *, weighed: bool) -> Worth:
+    """What a model is worth beside others, come to rest or not; weighed: with weights from the data, not held ones."""
+    more, factor = (0.0, 1.0) if weighed or result.solution is None else rescaled(result.solution)
+    return Worth(nats=evidence(problem, result, ended=False) + more, solution=result.solution, factor=factor)
+
+
 def comparable(problem: Problem, result: Smoothing) -> bool:
     """Whether a result has an evidence that others can be held against, come to rest or not."""
     return bool(np.isfinite(evidence(problem, result, ended=False)))

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import math
-import pickle
-import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
 from backsight.models import Model
-from backsight.models.errors import InputError, SolveError
 
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
-from ..smoothing.begun import Begun
 from ..smoothing.program import Settings
-from ..smoothing.smoother import smoothing
-from ..workers import as_finished
 from .candidates import Candidate
 from .choice import (
     CLEAR,
@@ -39,11 +30,10 @@ from .choice import (
 )
 from .elimination import Bare
 from .findings import Judged, explained, finding, nameless, renewed, verdict
-from .held import rescaled
-from .keep import Keep
+from .fits import Base, Fits
 from .library import library
-from .offsets import counted_out, without_idle
-from .refit import QUICKLY, Fitted, begun, comparable, evidence, fitted_there, hidden, settled, with_weights_of
+from .offsets import counted_out
+from .refit import QUICKLY, comparable, hidden, settled, worth_of
 from .regimes import dated, late, moved
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -83,19 +73,15 @@ INCOMPARABLE = (
 class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
 
-    settings: of the fits. end: on the clock of `time.time`, when it ends with what it has. held: recordings whose inputs are held, as a
+    fits: where candidates are fitted, and until when; settings: of these. held: recordings whose inputs are held, as a
     study has them, where straight ones were better for the model as it is. compared: whether models could be.
     """
 
     problem: Problem
     model: Model
     result: Smoothing
-    say: Progress
-    pool: Executor
-    ahead: int
-    kept: Keep
+    fits: Fits
     settings: Settings = QUICKLY
-    end: float = math.inf
     findings: list[Finding] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
@@ -107,6 +93,7 @@ class Search:
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
+    _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.bare = Bare(problem=self.problem, model=self.model)
@@ -123,14 +110,14 @@ class Search:
         self._as_fits_are()
         while more:
             base, candidates, found, sizes = self._scores()
-            more = time.time() < self.end and len(self.findings) < EFFECTS and self._round(base, found, sizes, candidates)
+            more = self.fits.left > 0 and len(self.findings) < EFFECTS and self._round(base, found, sizes, candidates)
             if not self.settings.weigh and (more or not tried):
                 tried = True
                 more |= self._weighed()
             if more:
                 self._eliminate()
                 self._held_again()
-        if time.time() > self.end:
+        if self.fits.left == 0:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._renew(sizes)
         self._limits(found, sizes)
@@ -142,7 +129,7 @@ class Search:
             again = self._again(problem, f"the model as it is, as fits are, {k + 1}")
             if again is None:
                 return
-            more = self._worth(problem, again).over(self._worth(self.problem, self.result))
+            more = self._worth(problem, again).over(self.now)
             if self.result.solver.converged and not more > 0:
                 return
             self.problem, self.result = problem, again
@@ -151,9 +138,9 @@ class Search:
 
     def _held_again(self) -> None:
         """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
-        if self.held is None or not self.findings or time.time() > self.end:
+        if self.held is None or not self.findings or self.fits.left == 0:
             return
-        self.say("held inputs again, with what was found")
+        self.fits.say("held inputs again, with what was found")
         straight = settled(self.problem, self.result)
         held = replace(straight, recordings=list(self.held))
         one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
@@ -175,10 +162,10 @@ class Search:
             c, rest = self.accepted[k], [*self.accepted[:k], *self.accepted[k + 1 :]]
             if not idle(c, self.result) or (posed := self.bare.having(rest, self.problem, self.result)) is None:
                 continue
-            self.say(f"{c.title} is nothing beside what was found later")
+            self.fits.say(f"{c.title} is nothing beside what was found later")
             problem, model = settled(posed[0], self.result), posed[1]
             found = self._again(problem, f"without {c.title}")
-            if found is None or self._worth(problem, found).over(self._worth(self.problem, self.result)) < -CLEAR:
+            if found is None or self._worth(problem, found).over(self.now) < -CLEAR:
                 continue
             gone = self.findings[k].gain
             self.findings = [*self.findings[:k], *self.findings[k + 1 :]]
@@ -187,24 +174,26 @@ class Search:
         return len(self.accepted) < before
 
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
-        """Another problem, smoothed as candidates are from where the one that there is came to rest; None where it does not arrive."""
-        solution, left = self.result.solution, self.end - time.time()
-        if solution is None:
-            return None
-        weighed = problem if self.settings.weigh else with_weights_of(solution, problem)
-        settings = replace(self.settings, seconds=min(self.settings.seconds, max(left, 0.0) / 2))
-        name = self.kept.name(repr((what, [f.change for f in self.findings], self.settings.weigh)))
-        begin = Begun.of(solution, weighed)
-        try:
-            found = self.kept.smoothed(name, partial(smoothing, weighed, settings=settings, begin=begin, progress=self.say))
-        except (SolveError, InputError):
-            return None
-        return found if found is not None and found.solver.converged else None
+        return self.fits.again(self._base, problem, what)
+
+    def _fits(self, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
+        return self.fits.candidates(self._base, wanted)
+
+    @property
+    def _base(self) -> Base:
+        changes = tuple(f.change for f in self.findings)
+        return Base(problem=self.problem, model=self.model, result=self.result, settings=self.settings, changes=changes)
+
+    @property
+    def now(self) -> Worth:
+        """What the model as it is is worth."""
+        if self._told is None or self._told[0] is not self.result or self._told[1] is not self.settings.weigh:
+            self._told = self.result, self.settings.weigh, self._worth(self.problem, self.result)
+        return self._told[2]
 
     def _worth(self, problem: Problem, result: Smoothing) -> Worth:
         """What the models of one round compare by."""
-        more, factor = (0.0, 1.0) if self.settings.weigh or result.solution is None else rescaled(result.solution)
-        return Worth(nats=evidence(problem, result, ended=False) + more, solution=result.solution, factor=factor)
+        return worth_of(problem, result, weighed=self.settings.weigh)
 
     def _renew(self, sizes: Sizes) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
@@ -213,7 +202,7 @@ class Search:
 
     def _scores(self) -> tuple[Linearised, list[Candidate], Screen, Sizes]:
         """The model linearised where it came to rest, all candidates, their scores, and sizes of what is left."""
-        self.say(f"round {len(self.findings) + 1}: scores")
+        self.fits.say(f"round {len(self.findings) + 1}: scores")
         if self.result.solution is None:
             raise ValueError("a smoothed model has its solution")
         base = Linearised(self.result.solution)
@@ -229,32 +218,22 @@ class Search:
 
         What was found last at held weights is taken back where these do not bear it out.
         """
-        self.say("weights from the data")
-        found = self._with_weights(self.problem)
+        self.fits.say("weights from the data")
+        found = self.fits.weighed(self._base, self.problem, self.result)
         if found is None:
             return False
         if self.before is not None and idle(self.accepted[-1], found[1]):
-            self.say(f"{self.accepted[-1].title} is not borne out")
-            again = self._with_weights(self.before.problem, found[1])
+            self.fits.say(f"{self.accepted[-1].title} is not borne out")
+            again = self.fits.weighed(self._base, self.before.problem, found[1])
             if again is not None:
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
         (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed)
         return True
 
-    def _with_weights(self, problem: Problem, near: Smoothing | None = None) -> tuple[Problem, Smoothing] | None:
-        """A problem smoothed with weights from the data, starting where another one of it came to rest; None where it does not."""
-        near, left = near or self.result, self.end - time.time()
-        problem = without_idle(settled(problem, near), near)
-        free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
-        name = self.kept.name(repr(("weighed", [f.change for f in self.findings], free)))
-        settings = replace(QUICKLY, seconds=max(left, 0.0) / 2, supposed=self.settings.supposed)
-        found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=near.solution, progress=self.say))
-        return None if found is None or not found.solver.converged else (problem, found)
-
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
         """Fits the best candidates and keeps one; whether there was one. None can be better than a model of which nobody knows how good."""
-        now = self._worth(self.problem, self.result)
+        now = self.now
         if not np.isfinite(now.nats):
             self.compared = False
             self.notes.append(INCOMPARABLE)
@@ -293,7 +272,7 @@ class Search:
             c, s, f = best
             if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.worth.solution is None:
                 return best
-            self.say(f"when {c.title} sets in")
+            self.fits.say(f"when {c.title} sets in")
             there = Linearised(f.worth.solution)
             again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
             looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
@@ -315,30 +294,6 @@ class Search:
                 return best
             best = c, s, replace(f_again, gain=f.gain + more)
         return best
-
-    def _fits(self, wanted: list[tuple[Candidate, Screened | None]]) -> list[Judged]:
-        """The candidates fitted, side by side."""
-        if not wanted:
-            return []
-        values = {p.name: p.value for p in self.result.parameters.values()}
-        blob = pickle.dumps((settled(self.problem, self.result), self.model, self.result.solution))
-        starts = [begun(c, s, values) for c, s in wanted]
-        before = repr((sorted(values.items()), [f.change for f in self.findings], self.settings.weigh))
-        names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
-        found = {name: part for name in names if (part := self.kept.get(name)) is not None}
-        open_ones = [(name, c, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
-
-        def calls() -> Iterator[tuple[str, Callable[[], Fitted]]]:
-            for k, (name, c, start) in enumerate(open_ones):
-                self.say(f"fit {len(wanted) - len(open_ones) + k + 1} of {len(wanted)}: {c.title}")
-                share = max(LONGEST, 1.0 / (len(open_ones) - k + 1))
-                yield name, partial(fitted_there, blob, c.sent, start, self.settings, self.end, share)
-
-        for name, fit in as_finished(self.pool, calls(), self.ahead):
-            found[name] = fit
-            if not fit.late:
-                self.kept.put(name, fit)
-        return [(c, s, found[name]) for (c, s), name in zip(wanted, names, strict=True)]
 
     def _explains(self, fits: list[Judged]) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
@@ -387,7 +342,7 @@ class Search:
             free[name] = share * self.result.parameters[whole].value
         problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
         found = self._again(problem, f"{c.title}, as it was found")
-        if found is not None and (more := self._worth(problem, found).over(self._worth(self.problem, self.result))) > 0:
+        if found is not None and (more := self._worth(problem, found).over(self.now)) > 0:
             self.problem, self.result = problem, found
             self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + more)
 

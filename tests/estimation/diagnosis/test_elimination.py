@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.elimination import Bare
+from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
@@ -46,10 +47,7 @@ def after(spring: float) -> Search:
         problem=bare,
         model=bare.model,
         result=smooth(bare, settings=QUICKLY),
-        say=lambda _: None,
-        pool=ProcessPoolExecutor(1),
-        ahead=1,
-        kept=Keep(None, bare),
+        fits=Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf),
     )
     search.problem, search.model, search.result = settled(problem, result), model, result
     search.accepted, search.findings = [first, later], [found(first, 10.0), found(later, 500.0)]

@@ -1,0 +1,105 @@
+"""Fits of a search, side by side and kept on disk: of candidates, of the model as it is, of other problems from where that came to rest."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+
+from backsight.models import Model
+from backsight.models.errors import InputError, SolveError
+
+from ..problem import Free, Problem
+from ..results import Smoothing
+from ..smoothing.begun import Begun
+from ..smoothing.program import Settings
+from ..smoothing.smoother import smoothing
+from ..workers import as_finished
+from .candidates import Candidate
+from .findings import Judged
+from .keep import Keep
+from .offsets import without_idle
+from .refit import QUICKLY, Fitted, begun, fitted_there, settled, with_weights_of
+from .screen import Screened
+
+Progress = Callable[[str], None]
+
+LONGEST = 0.25  # of the time that is left: what one of several fits may take, so that one which does not arrive leaves some to the others
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """What fits begin at: a problem, its model and its smoothing; settings of the fits; what changes made it, in words."""
+
+    problem: Problem
+    model: Model
+    result: Smoothing
+    settings: Settings
+    changes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fits:
+    """Where fits run and stay. ahead: how many at once; end: on the clock of `time.time`, after which none begins."""
+
+    pool: Executor
+    ahead: int
+    kept: Keep
+    say: Progress
+    end: float
+
+    @property
+    def left(self) -> float:
+        """Time until the end [s]."""
+        return max(self.end - time.time(), 0.0)
+
+    def candidates(self, base: Base, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
+        """The candidates fitted."""
+        if not wanted:
+            return []
+        values = {p.name: p.value for p in base.result.parameters.values()}
+        blob = pickle.dumps((settled(base.problem, base.result), base.model, base.result.solution))
+        starts = [begun(c, s, values) for c, s in wanted]
+        before = repr((sorted(values.items()), list(base.changes), base.settings.weigh))
+        names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
+        found = {name: part for name in names if (part := self.kept.get(name)) is not None}
+        open_ones = [(name, c, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
+
+        def calls() -> Iterator[tuple[str, Callable[[], Fitted]]]:
+            for k, (name, c, start) in enumerate(open_ones):
+                self.say(f"fit {len(wanted) - len(open_ones) + k + 1} of {len(wanted)}: {c.title}")
+                share = max(LONGEST, 1.0 / (len(open_ones) - k + 1))
+                yield name, partial(fitted_there, blob, c.sent, start, base.settings, self.end, share)
+
+        for name, fit in as_finished(self.pool, calls(), self.ahead):
+            found[name] = fit
+            if not fit.late:
+                self.kept.put(name, fit)
+        return [(c, s, found[name]) for (c, s), name in zip(wanted, names, strict=True)]
+
+    def again(self, base: Base, problem: Problem, what: str) -> Smoothing | None:
+        """Another problem, smoothed as candidates are from where the base came to rest; None where it does not arrive."""
+        solution = base.result.solution
+        if solution is None:
+            return None
+        weighed = problem if base.settings.weigh else with_weights_of(solution, problem)
+        settings = replace(base.settings, seconds=min(base.settings.seconds, self.left / 2))
+        name = self.kept.name(repr((what, list(base.changes), base.settings.weigh)))
+        begin = Begun.of(solution, weighed)
+        try:
+            found = self.kept.smoothed(name, partial(smoothing, weighed, settings=settings, begin=begin, progress=self.say))
+        except (SolveError, InputError):
+            return None
+        return found if found is not None and found.solver.converged else None
+
+    def weighed(self, base: Base, problem: Problem, near: Smoothing) -> tuple[Problem, Smoothing] | None:
+        """A problem smoothed with weights from the data, starting where another one of it came to rest; None where it does not."""
+        problem = without_idle(settled(problem, near), near)
+        free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
+        name = self.kept.name(repr(("weighed", list(base.changes), free)))
+        settings = replace(QUICKLY, seconds=self.left / 2, supposed=base.settings.supposed)
+        found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=near.solution, progress=self.say))
+        return None if found is None or not found.solver.converged else (problem, found)
