@@ -24,7 +24,7 @@ from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
 from .delays import without_delays
-from .fits import Fits
+from .fits import Fits, Progress
 from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
@@ -32,7 +32,7 @@ from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import prove
 from .refit import HELD, QUICKLY, comparable
-from .search import Progress, Search
+from .search import Search
 from .sizes_known import with_sizes_known
 from .verdict import Diagnosis
 from .words import CONTRADICTED
