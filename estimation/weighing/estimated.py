@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backsight.ocp import Options
+
 from ..problem import Problem
 from ..smoothing.horizons import check_varies
 from ..smoothing.program import Settings
@@ -21,6 +23,7 @@ from .turned import Turned, turned
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
 
+ROUGHLY = Options(tolerance=1e-3)  # of a smoothing whose last digits the weights do not feel
 FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its noise cannot be told from forces
 
 
@@ -53,6 +56,9 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     check_varies(problem)
     posed = opened(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"]))
     first = smoothing(posed, settings=Settings(marginal=False), progress=say)
+    if not first.solver.converged and first.solution is not None:  # from near the end a way is found that was not from the start
+        say("once more from where it stopped")
+        first = smoothing(posed, settings=Settings(marginal=False, options=ROUGHLY), begin=first.solution, progress=say)
     knobs = turned(posed, first)
     say("weights from the likelihood")
     given = _given(problem, knobs)
