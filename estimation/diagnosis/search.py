@@ -49,6 +49,7 @@ DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
+MOSTLY = 0.9  # of the variance of what was left over at first: where so much is explained, couplings wait until nothing else is found
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -248,7 +249,7 @@ class Search:
         fits = _gained([*fits, *more], now)
         most, cheap = max(sizes.left.values(), default=0.0), any(clear(s, f) and sound(c, f) for c, s, f in fits)
         hinted = most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))
-        if not self._explains(fits) and (most > FLOOR or (hinted and not cheap)):
+        if not self._explains(fits) and ((most > FLOOR and self._explained() < MOSTLY) or (hinted and not cheap)):
             there = self._numbered([c for c in candidates if c.dear])
             open_ones = [(n, c) for n, c in there if n not in self.astray and sizes.left.get(c.place, most) >= NEAR * most]
             dear = _gained(self._fits([(c, None) for _, c in open_ones]), now)
