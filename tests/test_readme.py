@@ -64,7 +64,7 @@ def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
 @in_a_checkout
 def test_the_bit_of_the_readme_is_followed(capsys):
     exec(compile(examples(ESTIMATION / "tracking" / "README.md")[1], "README.md", "exec"), {})
-    assert float(capsys.readouterr().out.split()[0]) > 97.0
+    assert float(capsys.readouterr().out.split()[0]) > 95.0
 
 
 TUTORIAL = README.parent / "models" / "TUTORIAL.md"
