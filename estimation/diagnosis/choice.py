@@ -35,7 +35,6 @@ COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
-MORE = 1.2  # times the largest share of forces that was left over
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 
@@ -207,15 +206,6 @@ def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smo
         return False
     was, now = before.residual_places.get(c.place), f.result.residual_places.get(c.place)
     return was is not None and now is not None and was.rms**2 - now.rms**2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
-
-
-def worsens(f: Fitted, before: Smoothing, sizes: Sizes) -> bool:
-    """Whether it leaves plainly more forces over than there were, at the worst place: what mends single samples so is not what acts."""
-    if f.result is None:
-        return False
-    known = {p: size for p, size in sizes.forces.items() if p in before.residual_places and p in f.result.residual_places and size > 0}
-    was, now = (max((r.residual_places[p].rms / size for p, size in known.items()), default=0.0) for r in (before, f.result))
-    return now > MORE * max(was, FLOOR)
 
 
 def clear(s: Screened | None, f: Fitted) -> bool:

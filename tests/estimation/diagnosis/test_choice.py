@@ -28,7 +28,6 @@ from backsight.estimation.diagnosis.choice import (
     sound,
     stood_for,
     trifling,
-    worsens,
 )
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
@@ -297,22 +296,3 @@ def test_a_law_replaces_another_of_which_it_leaves_nothing():
     assert stribeck.replaces(coulomb)
     assert not level.replaces(stribeck)
     assert not level.replaces(Candidate(place="axis", family="inertia", physics="added_mass"))
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "out"),
-    [
-        ({"a": 0.05, "b": 0.02}, {"a": 0.02, "b": 0.02}, False),
-        ({"a": 0.05, "b": 0.02}, {"a": 0.07, "b": 0.01}, True),
-        ({"a": 0.05, "b": 0.02}, {"a": 0.05, "b": 0.04}, False),  # the worst place is no worse
-        ({"a": 0.002, "b": 0.002}, {"a": 0.009, "b": 0.002}, False),  # and what does not matter does not
-        ({"a": 0.05}, {"a": 0.02, "new": 0.9}, False),  # a body of its own had nothing to be better than
-    ],
-)
-def test_what_leaves_more_forces_over_than_there_were_is_no_explanation(before, after, out):
-    def result(shares: dict[str, float]) -> SimpleNamespace:
-        return SimpleNamespace(residual_places={p: SimpleNamespace(rms=10.0 * share) for p, share in shares.items()})
-
-    sizes = SimpleNamespace(forces=dict.fromkeys(("a", "b", "new"), 10.0))
-    assert worsens(SimpleNamespace(result=result(after)), result(before), sizes) == out
-    assert not worsens(SimpleNamespace(result=None), result(before), sizes)
