@@ -42,14 +42,11 @@ from .supermodel import looked_at
 from .verdict import Class, Finding, Tried, Undetectable
 from .worth import Worth, gains
 
-Attempt = tuple[str, int, bool]  # a candidate's edits, which of those alike it is, whether weights come from the data
-
 EFFECTS = 4
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
-MOSTLY = 0.9  # of the variance of what was left over at first: where so much is explained, couplings wait until nothing else is found
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -74,8 +71,7 @@ class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
 
     fits: where candidates are fitted, and until when; settings: of these. held: recordings whose inputs are held, as a
-    study has them, where straight ones were better for the model as it is. compared: whether models could be. astray: what
-    is fitted without a score and was plainly worse than the model as it was then: with weights of the same kind it is not tried again.
+    study has them, where straight ones were better for the model as it is. compared: whether models could be.
     """
 
     problem: Problem
@@ -94,7 +90,6 @@ class Search:
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
-    astray: set[Attempt] = field(default_factory=set, init=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -249,11 +244,8 @@ class Search:
         fits = _gained([*fits, *more], now)
         most, cheap = max(sizes.left.values(), default=0.0), any(clear(s, f) and sound(c, f) for c, s, f in fits)
         hinted = most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))
-        if not self._explains(fits) and ((most > FLOOR and self._explained() < MOSTLY) or (hinted and not cheap)):
-            there = self._numbered([c for c in candidates if c.dear])
-            open_ones = [(n, c) for n, c in there if n not in self.astray and sizes.left.get(c.place, most) >= NEAR * most]
-            dear = _gained(self._fits([(c, None) for _, c in open_ones]), now)
-            self.astray |= {n for (n, _), (_, _, f) in zip(open_ones, dear, strict=True) if f.gain < -CLEAR and not f.late}
+        if not self._explains(fits) and (most > FLOOR or (hinted and not cheap)):
+            dear = self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
         self._remember(fits)
@@ -299,11 +291,6 @@ class Search:
                 return best
             best = c, s, replace(f_again, gain=f.gain + more)
         return best
-
-    def _numbered(self, some: Sequence[Candidate]) -> list[tuple[Attempt, Candidate]]:
-        """Candidates that are told apart by their edits, by which of those alike they are, and by how weights are chosen."""
-        words = [", ".join(edit.words for edit in c.edits) for c in some]
-        return [((w, words[:k].count(w), self.settings.weigh), c) for k, (w, c) in enumerate(zip(words, some, strict=True))]
 
     def _explains(self, fits: list[Judged]) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
