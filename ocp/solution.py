@@ -153,6 +153,12 @@ class Solution:
         )
 
     @property
+    def parameters_on_bounds(self) -> NDArray[np.int64]:
+        """Which of the free parameters ended on a bound."""
+        n = self.transcription.nlp.trajectory_size
+        return np.array([k - n for k in self.solved.on_bound if k >= n], dtype=np.int64)
+
+    @property
     def held(self) -> NDArray[np.int64]:
         """Decisions that cannot move: initial states with standard deviation zero, and what is held by a bound."""
         exact = np.array([h.initial_std == 0 for h in self.transcription.horizons])

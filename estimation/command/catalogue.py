@@ -35,9 +35,13 @@ def library(name: str) -> list[Entry]:
 
 
 def meant(name: str) -> str:
-    """What a name that is no plant may have been meant to be: "did you mean ...", empty where nothing is near."""
+    """What a name that is no plant may have been meant to be: "did you mean ...", empty where nothing is near, or it is one."""
+    from backsight.models.plants import PLANTS
+
+    if name in PLANTS or ":" in name:
+        return ""
     kinds = [kind.__name__ for known in LIBRARIES for _, kind in library(known)]
-    said = suggestion(name, dict.fromkeys([*catalogue(), *LIBRARIES, *kinds]))
+    said = suggestion(name, dict.fromkeys([*PLANTS, *LIBRARIES, *kinds]))
     return said if said.startswith("did you mean") else ""
 
 

@@ -165,7 +165,7 @@ def print_models(name: str | None, *, json: bool) -> int:
     from .catalogue import LIBRARIES, catalogue, declared, description, details, explained, library, meant
 
     components = library(name) if name else []
-    if name and not components and ":" not in name and name not in catalogue() and (near := meant(name)):
+    if name and not components and (near := meant(name)):
         raise InputError(f'models: "{name}" is no plant, library or component; {near}')
     if components:
         sys.stdout.write(json_text({"components": declared(components)}) if json else explained(components))

@@ -84,10 +84,15 @@ def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> floa
     return total + counted_out(result)[0]
 
 
-def worth_of(problem: Problem, result: Smoothing, *, weighed: bool) -> Worth:
-    """What a model is worth beside others, come to rest or not; weighed: with weights from the data, not held ones."""
-    more, factor = (0.0, 1.0) if weighed or result.solution is None else rescaled(result.solution)
-    return Worth(nats=evidence(problem, result, ended=False) + more, solution=result.solution, factor=factor)
+def worth_of(problem: Problem, result: Smoothing, *, weighed: bool, ended: bool = False) -> Worth:
+    """What a model is worth beside others.
+
+    weighed: with weights from the data, not held ones. ended: nothing where the solver has not come to rest.
+    """
+    nats, more, factor = evidence(problem, result, ended=ended), 0.0, 1.0
+    if not weighed and result.solution is not None and (result.solver.converged or not ended):
+        more, factor = rescaled(result.solution)
+    return Worth(nats=nats + more, solution=result.solution, factor=factor)
 
 
 def comparable(problem: Problem, result: Smoothing) -> bool:
@@ -161,10 +166,7 @@ def fitted(
         result = smoothing(weighed, settings=settings, begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
-    more, factor = 0.0, 1.0
-    if not settings.weigh and result.solution is not None and result.solver.converged:
-        more, factor = rescaled(result.solution)
-    worth = Worth(nats=evidence(now, result) + more, solution=result.solution, factor=factor)
+    worth = worth_of(now, result, weighed=settings.weigh, ended=True)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
 
 

@@ -20,7 +20,6 @@ __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "wit
 
 NAMED = 6  # parameters named in the sentence; the table has them all
 WORTH = 0.9  # effective samples over samples: a memory that costs less is not worth a word
-ROWS = 20_000  # enough for a correlation
 
 
 def code(name: str) -> str:

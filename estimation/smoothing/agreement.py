@@ -17,12 +17,13 @@ from backsight.ocp import Solution
 
 from ..problem import Problem
 from ..supposed import INPUT, PARAMETER
-from .horizons import shown_noise
 from .rest import near_rest
 from .robust import row_squares
 
 if TYPE_CHECKING:
     from .outcome import Run
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 FLOOR = 0.5  # sum r^2 over f, 1 where W settled; below, far beyond the iteration's own tolerance, W could go no lower
 TOLD = 8.0  # values that tell W: with fewer W^2 is within two of its own deviations of zero
@@ -52,10 +53,10 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
     return found
 
 
-def too_sharp(problem: Problem, run: Run) -> dict[tuple[str, str], str]:
-    """Recording and output -> a sentence, where the V that was given is less than what its samples have of noise."""
+def too_sharp(problem: Problem, run: Run, noise: Array) -> dict[tuple[str, str], str]:
+    """Recording and output -> a sentence, where the V that was given is less than what its samples show of noise, (H, ny)."""
     found = {}
-    for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, shown_noise(problem).T, strict=True)):
+    for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, noise.T, strict=True)):
         for h, (piece, table) in enumerate(zip(problem.fitted, run.stds, strict=True)):
             if q.name not in table or q.name in run.open_outputs[h] or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
                 continue
@@ -68,21 +69,24 @@ def too_sharp(problem: Problem, run: Run) -> dict[tuple[str, str], str]:
     return found
 
 
-def contradictions(problem: Problem, run: Run) -> list[str]:
-    """A sentence for every weight that was given and is exceeded by what it weighs, and for noises from the data that are no noise."""
+def contradictions(problem: Problem, run: Run, shown: Array) -> list[str]:
+    """A sentence for every weight that was given and is exceeded by what it weighs, and for noises from the data that are no noise.
+
+    shown (H, ny): the noise that the samples show by themselves.
+    """
     solution = run.choice.solution
     t, found = solution.transcription, list[str]()
     if solution.curvature is None:
         return found
     for i, k in enumerate(t.soft):
         place = t.dae.places[k]
-        times = _excess(*force_squares(solution, i))
+        squares, f = force_squares(solution, i)
+        times = _excess(squares, f)
         ours = place not in problem.dae.places or place.name in problem.weights.W
         if times and ours:
             found.append(f"{_exceeded(place.name, times)}: that contradicts the data, or the model lacks something there. {MISLEAD}")
-        if ours and place in problem.dae.places and (times := _wanting(*force_squares(solution, i))):
+        if ours and place in problem.dae.places and (times := _wanting(squares, f)):
             found.append(f"W of {place.name} allows at least {times:.2g} times what there is: deviations are too large.")
-    shown = shown_noise(problem)
     for i, q in enumerate(t.dae.outputs):
         with_it = [h for h, table in enumerate(run.stds) if q.name in table]
         given = [h for h in with_it if q.name not in run.open_outputs[h]]
@@ -113,14 +117,17 @@ def _exceeded(place: str, times: float) -> str:
 
 def _excess(squares: float, f: float) -> float:
     """How many times as large as supposed a family is, where that is sure and worth a word, else 0."""
-    times = float(np.sqrt(squares / f)) if f > 0 else 0.0
-    return times if times > OFF and squares - f > SURE * np.sqrt(2.0 * f) else 0.0
+    return _times(squares, f, f)
 
 
 def _wanting(squares: float, f: float) -> float:
     """How many times as large a weight is as what it weighs, where that is sure and worth a word, else 0."""
-    times = float(np.sqrt(f / squares)) if squares > 0 and f > TOLD else 0.0
-    return times if times > OFF and f - squares > SURE * np.sqrt(2.0 * f) else 0.0
+    return _times(f, squares, f) if f > TOLD else 0.0
+
+
+def _times(more: float, less: float, f: float) -> float:
+    times = float(np.sqrt(more / less)) if less > 0 else 0.0
+    return times if times > OFF and more - less > SURE * np.sqrt(2.0 * f) else 0.0
 
 
 def force_squares(solution: Solution, i: int) -> tuple[float, float]:

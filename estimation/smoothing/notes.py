@@ -21,6 +21,7 @@ from ..wording import listed, number, per_root_bandwidth
 from .agreement import contradictions, nothing_there, too_sharp
 from .along import forces
 from .beforehand import contradicted
+from .horizons import shown_noise
 from .mesh_error import allowed
 from .on_bounds import OnBounds
 from .outliers import outlier_notes
@@ -53,7 +54,8 @@ def notes(
     """Notes on a run, a sentence or two each. errors: recording -> output -> standardised prediction errors (n,)."""
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, residuals)
-    misled, doubts = too_sharp(problem, run), contradictions(problem, run)
+    shown, silent = shown_noise(problem), nothing_there(problem, run)
+    misled, doubts = too_sharp(problem, run, shown), contradictions(problem, run, shown)
     return (
         *misled.values(),
         *_on_few(problem),
@@ -62,7 +64,7 @@ def notes(
         *_on_dead_inputs(problem),
         *_on_ranges(problem),
         *_on_the_start(problem.plain, run),
-        *_on_forces(problem, run),
+        *_on_forces(problem, run, silent),
         *supposed_notes(problem),
         *_on_the_answer(problem.posed, run, bounds),
         *_on_far_ones(problem.posed, run.choice.solution),
@@ -73,7 +75,7 @@ def notes(
         *doubts,
         *contradicted(problem, run.choice.solution),
         *on_errors(fit, misled),
-        *on_residuals(residuals, set(residuals) if misled or doubts else nothing_there(problem, run)),
+        *on_residuals(residuals, set(residuals) if misled or doubts else silent),
         *on_explaining(problem.posed, run, residuals),
     )
 
@@ -82,7 +84,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
     """Where a solve stopped its numbers say little: what may have kept it from arriving, the most telling first."""
     solution = run.choice.solution
     t = solution.transcription
-    held = [t.dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]].name for k in solution.solved.on_bound if k >= t.nlp.trajectory_size]
+    held = [t.dae.parameters[t.nlp.free[k]].name for k in solution.parameters_on_bounds]
     where = f" Where it stopped, {listed(held)} lay on {'a bound' if len(held) == 1 else 'bounds'}." if held else ""
     return (
         *_on_rates(problem),
@@ -214,9 +216,7 @@ def on_explaining(problem: Problem, run: Run, residuals: Mapping[str, ResidualSu
     """Whether the model explains anything at all, where parameters ended on bounds; problem: the posed one."""
     solution = run.choice.solution
     t = solution.transcription
-    held = [
-        problem.dae.parameters[t.nlp.free[k - t.nlp.trajectory_size]].name for k in solution.solved.on_bound if k >= t.nlp.trajectory_size
-    ]
+    held = [problem.dae.parameters[t.nlp.free[k]].name for k in solution.parameters_on_bounds]
     if not held:
         return []
     followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
@@ -252,9 +252,9 @@ def _on_the_start(problem: Problem, run: Run) -> list[str]:
     return found
 
 
-def _on_forces(problem: Problem, run: Run) -> list[str]:
+def _on_forces(problem: Problem, run: Run, silent: Collection[str]) -> list[str]:
     dae, choice, found = problem.posed.dae, run.choice, []
-    t, silent = choice.solution.transcription, nothing_there(problem, run)
+    t = choice.solution.transcription
     if not t.soft and dae.places:
         found.append("W leaves the residual forces no room: every balance was made to hold exactly.")
     for k, s in zip(t.soft, choice.force_std, strict=True):
@@ -287,11 +287,10 @@ def _on_what_is_left_out(problem: Problem) -> list[str]:
 
 def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[str]:
     dae, found, solution = problem.dae, [], run.choice.solution
-    t = solution.transcription
     if solution.curvature is None:
         found.append("The solver ended on no minimum: no deviations are given.")
     found += open_combinations(problem, solution, bounds) + hardly_told(problem, solution, bounds)
-    found += [_on_its_bound(problem, solution, k, bounds) for k in solution.solved.on_bound if k >= t.nlp.trajectory_size]
+    found += [_on_its_bound(problem, solution, k, bounds) for k in solution.parameters_on_bounds.tolist()]
     found += bound_notes(problem, solution)
     share = _share_with_room(solution)
     if share > 0:
@@ -314,11 +313,10 @@ def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[
     return found
 
 
-def _on_its_bound(problem: Problem, solution: Solution, place: int, bounds: OnBounds | None) -> str:
-    """What a parameter on a bound means for the others; place: among the decisions."""
+def _on_its_bound(problem: Problem, solution: Solution, number: int, bounds: OnBounds | None) -> str:
+    """What a parameter on a bound means for the others; number: among the free ones."""
     t = solution.transcription
-    number = place - t.nlp.trajectory_size
-    info, value = t.dae.parameters[t.nlp.free[number]], solution.solved.decisions[place]
+    info, value = t.dae.parameters[t.nlp.free[number]], solution.solved.decisions[t.nlp.trajectory_size + number]
     value = min(problem.parameter_range(t.nlp.free[number]), key=lambda bound: abs(bound - value))  # up to the solver's tolerance
     start = f"{info.name} ended on its bound, {value:.6g} {info.unit}"
     if bounds is None:

@@ -64,45 +64,44 @@ def on_bounds(solution: Solution, lower: Array, upper: Array, marginal: bool) ->
 
     lower, upper (np,): their bounds. marginal: whether the likelihood is that with the trajectories integrated out.
     """
-    n = solution.transcription.nlp.trajectory_size
-    places = np.array([k - n for k in solution.solved.on_bound if k >= n], dtype=np.int64)
-    if not len(places):
+    if not len(solution.parameters_on_bounds):
         return None
     there = at(solution)
     if there.whole is None or not there.minimum:
         return None
     try:
-        return _told(solution.solved.decisions[n:], places, there, lower, upper, marginal, solution.values.unit[n:])
+        return _told(there, there.whole, lower, upper, marginal)
     except np.linalg.LinAlgError:  # told apart by no more than rounding
         return None
 
 
-def _told(p: Array, places: NDArray[np.int64], there: Marginal, lower: Array, upper: Array, marginal: bool, unit: Array) -> OnBounds | None:
-    if there.whole is None:
-        return None
+def _told(there: Marginal, without: Curvature, lower: Array, upper: Array, marginal: bool) -> OnBounds:
+    solution, places = there.solution, there.solution.parameters_on_bounds
+    p = solution.solved.decisions[solution.transcription.nlp.trajectory_size :]
     inward = np.zeros(len(p))
     inward[places] = np.where(p[places] - lower[places] < upper[places] - p[places], 1.0, -1.0)
-    blocked = _blocked(there.whole, inward, unit)
+    blocked = _blocked(without, inward, solution.values.unit[solution.transcription.nlp.trajectory_size :])
     if blocked:
         told, whole = np.isin(np.arange(len(p)), there.moving), np.zeros((len(p), len(p)))
         whole[np.ix_(there.moving, there.moving)] = there.covariance
         open_ones = np.zeros(len(p), dtype=bool)
     else:
-        told, whole = np.isfinite(there.whole.parameter_variance), there.whole.parameter_covariance
+        told, whole = np.isfinite(without.parameter_variance), without.parameter_covariance
         open_ones = ~told
     slope = np.zeros(len(p))
     slope[there.moving] = there.slope if marginal else -there.pull
     B, A = places[told[places]], np.flatnonzero((inward == 0) & told)
     towards = inward[B]
     sigma = whole[np.ix_(B, B)] * np.outer(towards, towards)
-    K = whole[np.ix_(A, B)] * towards @ np.linalg.inv(sigma)
+    precision = np.linalg.inv(sigma)
+    K = whole[np.ix_(A, B)] * towards @ precision
     M, reach = _cut_off(sigma @ (slope[B] * towards), sigma, (upper - lower)[B])
     covariance = np.zeros((len(p), len(p)))
     covariance[np.ix_(A, A)] = whole[np.ix_(A, A)] - K @ sigma @ K.T + K @ M @ K.T
     beyond, far = np.full(len(p), np.nan), np.where(open_ones, np.inf, 0.0)
     follow = np.zeros((len(p), len(p)))
     follow[np.ix_(A, B)] = K
-    beyond[B] = -slope[B] * towards / np.sqrt(np.diag(np.linalg.inv(sigma)))
+    beyond[B] = -slope[B] * towards / np.sqrt(np.diag(precision))
     far[B] = reach
     return OnBounds(
         places=places,
@@ -110,8 +109,8 @@ def _told(p: Array, places: NDArray[np.int64], there: Marginal, lower: Array, up
         reach=far[places],
         parameter_covariance=covariance,
         parameter_variance=np.where(open_ones, np.inf, np.diag(covariance)),
-        without=there.whole,
-        null=there.whole.null[:0] if blocked else there.whole.null,
+        without=without,
+        null=without.null[:0] if blocked else without.null,
         inward=inward,
         follow=follow[:, places],
     )

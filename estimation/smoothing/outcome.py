@@ -127,8 +127,7 @@ def _parameters(
     variance = np.full(len(posed.free), np.nan) if curvature is None else curvature.parameter_variance
     std = dict(zip(posed.free, np.sqrt(np.maximum(variance, 0.0)), strict=True))
     number = {info.name: i for i, info in enumerate(posed.dae.parameters)}
-    size = solution.transcription.nlp.trajectory_size
-    held = {posed.free[k - size] for k in solution.solved.on_bound if k >= size}
+    held = {posed.free[k] for k in solution.parameters_on_bounds}
     own, out = own_parameters(problem), {}
     for info in problem.dae.parameters:
         given = problem.parameters.get(info.name)

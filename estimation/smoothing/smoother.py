@@ -128,14 +128,14 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     laws, parameters = friction_laws(plain), problem.values
     given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
     start, floor = parameters.copy() if begin is None else begin.start(problem), dict[int, float]()
-    ceiling: dict[int, float] = {}
+    ceiling, hidden = dict[int, float](), moving_unseen(plain)
     strengths = {} if begin is None else {k: begin.at_rest[p.name] for k, p in enumerate(problem.dae.places) if p.name in begin.at_rest}
     if begin is not None:
         exact = exact_forces(problem, followed, start)
         # a place that only this model has gets the share of its forces that an approach ends with
         force_std = {k: begin.force_std.get(problem.dae.places[k].name, TIGHTEST / RIGID * least) for k, least in exact.items()}
         floor = {k: min(std, exact[k]) for k, std in force_std.items()}
-        names = {k: problem.dae.places[k].name for k in moving_unseen(plain) if k not in given}
+        names = {k: problem.dae.places[k].name for k in hidden if k not in given}
         new = [k for k, name in names.items() if name in settings.supposed or name not in begin.force_std]
         ceiling = {k: SUPPOSED / RIGID * exact[k] for k in new}
     elif plain.free or unseen_states(plain):
@@ -148,7 +148,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     if not settings.weigh:
         given = {**force_std, **given}
     along_it = plain if begin is None else problem  # what `followed` has the unknowns of
-    for index, width in smoothing_widths(along_it, laws, followed, moving_unseen(plain)).items():
+    for index, width in smoothing_widths(along_it, laws, followed, hidden).items():
         parameters[index] = start[index] = width
     parameters = measured_by(problem, parameters, start)
     work = Work(

@@ -25,7 +25,7 @@ from backsight.ocp import Solution
 
 from ..results import Criteria
 from ..smoothing.robust import RobustSolution, log_density
-from .innovations import Filtered
+from .innovations import Filtered, scale_of_samples
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 LOG_2PI = float(np.log(2.0 * np.pi))
@@ -84,7 +84,7 @@ def _log_densities(solution: Solution, number: int) -> Array:
     plain = -0.5 * (rows**2 + LOG_2PI)
     with np.errstate(divide="ignore"):
         if isinstance(solution, RobustSolution):
-            scale = scale / np.sqrt(solution.weights * solution.gain)
+            scale = scale_of_samples(solution)
             plain = np.where(solution.huber, log_density(solution.standardised), plain)
         return np.asarray(np.log(scale) + plain)
 

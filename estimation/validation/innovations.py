@@ -103,7 +103,7 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     size = np.sqrt(sum(np.sum(E[:, E.shape[1] - np_ :] ** 2, axis=0) for _, E, _, _ in runs))
     R, d = _absorbed(_weak(size), np.zeros(np_), links.known_parameters)
     horizons, first_root, squares, first = [], 0.0, 0.0, 0
-    scale = _of_samples(solution).T
+    scale = scale_of_samples(solution).T
     for (u, E, steps, log_roots), where, known, horizon in zip(runs, places, links.known, t.horizons, strict=True):
         k = E.shape[1] - np_
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
@@ -125,7 +125,7 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, squares=squares, determined=solution.determined)
 
 
-def _of_samples(solution: Solution) -> Array:
+def scale_of_samples(solution: Solution) -> Array:
     """One over the standard deviations of all samples, (ny, all samples)."""
     scale = solution.values.scale[solution.term("samples")]
     return scale / np.sqrt(solution.weights * solution.gain) if isinstance(solution, RobustSolution) else scale

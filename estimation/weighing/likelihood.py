@@ -68,11 +68,11 @@ class Likelihood:
     @cached_property
     def _integrated(self) -> tuple[float, float | None]:
         """log det H, and the logarithm of what bounds leave of the integral over parameters that lie on them; None where these are held."""
-        s, n = self.solution, self.solution.transcription.nlp.trajectory_size
-        on, determinant = [k - n for k in s.solved.on_bound if k >= n], np.nan if s.curvature is None else s.curvature.log_determinant
-        there = at(s) if on else None
+        s, on = self.solution, self.solution.parameters_on_bounds
+        determinant = np.nan if s.curvature is None else s.curvature.log_determinant
+        there = at(s) if len(on) else None
         if there is None or there.whole is None or not there.minimum or not np.all(np.isin(on, there.moving)):
-            return determinant, None if on else 0.0
+            return determinant, None if len(on) else 0.0
         places = np.searchsorted(there.moving, on)
         a = np.abs(there.pull * there.std)[places]
         return there.whole.log_determinant, float(np.sum(0.5 * a**2 + log_ndtr(-a) + np.log(2.0)))

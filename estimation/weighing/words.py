@@ -61,11 +61,11 @@ def _weights(found: Weighing) -> list[str]:
 
 def _moving(found: Weighing) -> list[str]:
     quiet, out = list[str](), list[str]()
-    solved = {o.setting.name for o in found.outcomes if o.converged}
+    solved = {(o.setting.varied, o.setting.factor) for o in found.outcomes if o.converged}
     for label, moves in found.moves.items():
         ends = [(abs(move), name, word) for name, pair in moves.items() for move, word in zip(pair, ("a tenth", "ten times"), strict=True)]
         told = [end for end in ends if np.isfinite(end[0])]  # what is undetermined or on its bound moves by no share of its deviation
-        if told and max(told)[0] < FELT and {f"{label} x {s:.3g}" for s in (min(ALONE), max(ALONE))} <= solved:
+        if told and max(told)[0] < FELT and {(label, factor) for factor in (min(ALONE), max(ALONE))} <= solved:
             quiet.append(label)
         if told and max(told)[0] > MOVING:
             size, most, word = max(told)
