@@ -22,7 +22,7 @@ from .polynomials import Array
 
 STRIP = 4096  # columns at a time, at most: NumPy's cost per call is small beside its work, and the work vector is no burden
 FEWEST = 128  # columns: of less CasADi's map is no slower
-REPAYS = 8000  # columns, of all calls together, that repay what it costs to read the operations
+REPAYS = 1000  # columns, of all calls together, that repay what it costs to read the operations
 
 
 def _if_else_zero(condition: Array, value: Array, out: Array) -> None:
