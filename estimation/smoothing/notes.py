@@ -86,7 +86,9 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
     t = solution.transcription
     held = [t.dae.parameters[t.nlp.free[k]].name for k in solution.parameters_on_bounds]
     where = f" Where it stopped, {listed(held)} lay on {'a bound' if len(held) == 1 else 'bounds'}." if held else ""
+    weights = f", leave out W of {listed(weighed)}, so that the data choose it" if (weighed := _weighed(problem)) else ""
     return (
+        *too_sharp(problem, run, shown_noise(problem)).values(),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_dead_inputs(problem),
@@ -95,7 +97,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         *on_explaining(problem.posed, run, residuals),
         *_on_the_start(problem.plain, run),
         f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
-        "units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known.",
+        f"units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known{weights}.",
     )
 
 
@@ -225,8 +227,14 @@ def on_explaining(problem: Problem, run: Run, residuals: Mapping[str, ResidualSu
         r = residuals.get(problem.dae.places[k].name)
         if r is not None and r.rms > UNEXPLAINED * force:
             parts.append(f"residual.{r.place}, {r.rms:.3g} {r.unit} rms, is as large as all else in its balance, {force:.3g} {r.unit} rms")
-    explains = "the model explains next to nothing. Check units and signs of inputs and outputs"
+    given = f", and W of {listed(weighed)}, which is given" if (weighed := _weighed(problem)) else ""
+    explains = f"the model explains next to nothing. Check units and signs of inputs and outputs{given}"
     return [f"{listed(parts)}, and {listed(held)} ended on a bound: {explains}."] if parts else []
+
+
+def _weighed(problem: Problem) -> list[str]:
+    """Places whose W is given."""
+    return [place.name for place in problem.dae.places if place.name in problem.weights.W]
 
 
 def _chance(p: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,4 +97,15 @@ def test_where_a_solve_stops_its_numbers_are_no_notes_and_the_likeliest_causes_a
     assert not result.solver.converged
     assert result.notes[0].startswith("x: one sample stands far off its neighbours")
     assert result.notes[-1].startswith("No estimate: what is written is where the solver stopped.")
-    assert not any("white" in note or "W of" in note for note in result.notes)
+    assert not any("white" in note or "W of" in note for note in result.notes[:-1])
+
+
+def test_where_a_solve_stops_a_given_w_and_a_v_below_the_samples_noise_are_named():
+    settings = Settings(options=Options(gauss_newton_iterations=1, max_iterations=1), check_mesh=False)
+    problem = posed(record(4))
+    place = problem.dae.places[0].name
+    weighed = replace(problem, weights=Weights(W={place: 1.0}, V={"x": 1e-9}))
+    result = smooth(weighed, settings=settings)
+    assert not result.solver.converged
+    assert result.notes[0].startswith("V of x is given as 1e-09 m")
+    assert result.notes[-1].endswith(f"leave out W of {place}, so that the data choose it.")
