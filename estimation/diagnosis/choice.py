@@ -16,7 +16,7 @@ from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
 from .refit import HOLDING, Fitted
 from .screen import SURE, Screen, Screened
-from .shares import FLOOR, Sizes
+from .shares import FLOOR, Sizes, leaves_more
 from .verdict import Explanation, Strength
 
 T = TypeVar("T")
@@ -35,6 +35,7 @@ COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
+SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 
@@ -206,6 +207,16 @@ def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smo
         return False
     was, now = before.residual_places.get(c.place), f.result.residual_places.get(c.place)
     return was is not None and now is not None and was.rms**2 - now.rms**2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
+
+
+def misleading(c: Candidate, f: Fitted, sizes: Sizes) -> bool:
+    """Whether it is a fault of a sensor or an input with which more forces are left over than without it.
+
+    Such a fault leaves the forces as they are: what is one takes forces away that stood for it.
+    """
+    if c.family not in SIGNALS or f.problem is None or (whole := f.whole) is None:
+        return False
+    return leaves_more(f.problem, whole, sizes)
 
 
 def clear(s: Screened | None, f: Fitted) -> bool:

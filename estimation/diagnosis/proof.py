@@ -9,6 +9,9 @@ open, and only that of a model which has friction. Signs of friction stay rounde
 
     rms of the errors per output and horizon, all windows pooled;  improvement = 1 - geometric mean of after/before
 
+What could be gained at best is told by the trajectory that the base model has when forces are free at every place: what the samples are off
+it, or their noise, where that is more, instead of the repaired model's errors.
+
 The p-value is of Student's t of d_b = mean over outputs and horizons of log(before/after) of the rms in block b, one-sided against no gain;
 blocks are so long that their means may count as independent: three integrated autocorrelation times.
 """
@@ -57,6 +60,7 @@ VAGUE = 1.2  # times the median deviation of a state: windows do not begin where
 FEWEST = 0.1  # of the rows of a piece: where fewer are left windows begin anywhere
 GENTLY = (30.0, 10.0, 5.0, 2.5, 1.0)  # times the width of what is rounded, on the way of a smoothing that does not arrive at once
 SHARPER = 1e-3  # a friction law's width in the windows over that of smoothing
+LITTLE = 0.05  # gain of free forces, as a share of the errors: of so little no share is told
 SEEN = 1e-3  # of what other modes do to the outputs
 
 
@@ -132,6 +136,16 @@ class _Side:
         nothing = np.full(len(piece.time), np.nan)
         measured = np.array([piece.outputs.get(q.name, nothing)[at] for q in dae.outputs])
         return np.asarray(measured - predicted, dtype=np.float64)
+
+    def floor(self, number: int) -> Array:
+        """What no force takes from errors of a piece, (ny,): rms of samples off the smoothed trajectory, or of noise where that is more."""
+        piece, table = self.problem.fitted[number], self._table(number)
+        found = np.full(len(self.problem.dae.outputs), np.nan)
+        for i, q in enumerate(self.problem.dae.outputs):
+            if (y := piece.outputs.get(q.name)) is not None:
+                off = float(np.sqrt(np.nanmean((y - table[q.name].to_numpy(float)) ** 2)))
+                found[i] = max(off, piece.output_std[q.name] or 0.0)
+        return found
 
     def known(self, number: int) -> NDArray[np.bool_]:
         """Rows of a piece where all states are known as well as usual: not at its ends, nor near rest, where friction is left open."""
@@ -265,7 +279,8 @@ def _compared(
     outputs = [q for q in before.problem.dae.outputs if any(q.name in piece.outputs for piece in pieces)]
     index = [[q.name for q in side.problem.dae.outputs].index(o.name) for side in (before, after) for o in outputs]
     first, second = index[: len(outputs)], index[len(outputs) :]
-    # per piece (3, outputs, spans, M): mean squares over the rows of a window within a span, of both and of what stays where it was
+    # per piece (4, outputs, spans, M): mean squares over the rows of a window within a span, of both, of what stays where it was and of
+    # what is left at best
     squares: list[Array] = []
     for number, piece in enumerate(pieces):
         a, b = before.errors[number][first], after.errors[number][second]
@@ -278,13 +293,14 @@ def _compared(
         whole = np.array([piece.time[-1] - piece.time[at[:, 0]] > span - half for span in spans])
         used = both[:, None] & within & whole[:, :, None]
         with np.errstate(invalid="ignore"):
-            errors = a, b, y[:, at] - y[:, at[:, :1]]
+            errors = a, b, y[:, at] - y[:, at[:, :1]], np.broadcast_to(before.floor(number)[first][:, None, None], a.shape)
             squares.append(np.array([mean(np.where(used, e[:, None] ** 2, np.nan)) for e in errors]))
     every = np.concatenate(squares, axis=3)
     if not np.isfinite(every[:2]).any():
         raise SolveError("no window of what was held out could be predicted with both models")
     rms = np.sqrt(mean(every[:2]))
-    told = ~(rms.min(axis=0) >= np.sqrt(mean(every[2])))
+    still, least = np.sqrt(mean(every[2:]))
+    told = ~(rms.min(axis=0) >= still)
     told |= not told.any()
     tables = [
         {
@@ -302,12 +318,20 @@ def _compared(
         before=tables[0],
         after=tables[1],
         improvement_percent=improvement,
+        attainable_percent=_attained(rms[0][told], rms[1][told], least[told]),
         p_value=chance(np.array(gains)),
         blocks=len(gains),
         recordings=tuple(names),
         role=role,
         force=_forces(before.smoothed, after.smoothed),
     )
+
+
+def _attained(before: Array, after: Array, least: Array) -> float | None:
+    """Percent of what errors (n,) could become smaller at best; None where that is next to nothing."""
+    there = np.isfinite(before) & np.isfinite(after) & (before > 0)
+    gained, possible = (float(np.sum(1.0 - e[there] / before[there])) for e in (after, np.minimum(least, before)))
+    return 100.0 * gained / possible if possible > LITTLE * np.count_nonzero(there) else None
 
 
 def _forces(before: Smoothing, after: Smoothing) -> dict[str, tuple[float, float, str]]:

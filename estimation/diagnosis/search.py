@@ -21,6 +21,7 @@ from .choice import (
     coloured,
     held_unseen,
     idle,
+    misleading,
     simplest,
     slight,
     sound,
@@ -251,6 +252,7 @@ class Search:
         self._remember(fits)
         good = [(c, s, f) for c, s, f in fits if clear(s, f) and sound(c, f) and not slight(c, s, f, sizes)]
         good = [(c, s, f) for c, s, f in good if not trifling(c, f, self.accepted, self.result, sizes)]
+        good = [(c, s, f) for c, s, f in good if not misleading(c, f, sizes)]
         if not good and (constant := steady(self.result, candidates, sizes)):
             without = counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
             last = _gained(self._fits([(c, None) for c in constant]), replace(now, nats=now.nats + without))

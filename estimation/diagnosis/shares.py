@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf
 
 import numpy as np
 
 from backsight.models import Model
+from backsight.ocp import Solution
 
 from ..problem import Problem
 from ..results import Smoothing
@@ -22,6 +24,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 FLOOR = 0.01  # of the rms force at a place: what is smaller is nothing that matters
 CERTAIN = 3.0  # standard deviations
+GROWN = 1.1  # times what was left over before
 BEYOND = 3.0  # times the forces at a place: an effect of that size would be needed to be seen, so none can be
 
 
@@ -31,19 +34,9 @@ class Sizes:
     def __init__(self, problem: Problem, result: Smoothing, base: Linearised) -> None:
         """base: of the result's solution."""
         self.base, self.solution, self.result = base, base.solution, result
-        t = self.solution.transcription
-        self.names = [t.dae.places[k].name for k in t.soft]
-        whole, varying = (
-            forces(problem.posed, followed_by(self.solution), self.solution.parameters, varying=only) for only in (False, True)
-        )
-        self.forces = {t.dae.places[k].name: whole.get(k, inf) for k in t.soft}
-        self.varying = {t.dae.places[k].name: varying.get(k, inf) for k in t.soft}
-
-    @property
-    def left(self) -> dict[str, float]:
-        """Place -> rms of the residual force away from rest over that of the forces."""
-        summaries = self.result.residual_places
-        return {name: summaries[name].rms / self.forces[name] for name in self.names if name in summaries}
+        self.forces, self.varying = (_forces(problem, self.solution, varying=only) for only in (False, True))
+        self.names = list(self.forces)
+        self.left = _left(result, self.forces)
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
@@ -59,6 +52,30 @@ class Sizes:
             use = there if there.any() else np.ones_like(there)
             found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.varying[name]
         return found
+
+
+def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:
+    """Whether a model that has one more effect leaves more over at the worst place than the model did without it, and as much as matters.
+
+    result: with its solution.
+    """
+    if result.solution is None:
+        return False
+    most = max(_left(result, _forces(problem, result.solution)).values(), default=0.0)
+    return most > FLOOR and most > GROWN * max(before.left.values(), default=0.0)
+
+
+def _forces(problem: Problem, solution: Solution, *, varying: bool = False) -> dict[str, float]:
+    """Soft place -> rms force there."""
+    t = solution.transcription
+    found = forces(problem.posed, followed_by(solution), solution.parameters, varying=varying)
+    return {t.dae.places[k].name: found.get(k, inf) for k in t.soft}
+
+
+def _left(result: Smoothing, there: Mapping[str, float]) -> dict[str, float]:
+    """Place -> rms of the residual force away from rest over that of the forces."""
+    summaries = result.residual_places
+    return {name: summaries[name].rms / force for name, force in there.items() if name in summaries}
 
 
 def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[tuple[str, str]]) -> list[Undetectable]:

@@ -120,8 +120,9 @@ class HeldOut:
     """The proof on recordings that the fit has not seen: base model refitted (before) against the repaired one (after).
 
     improvement_percent: of the windowed prediction errors, geometric mean over outputs and horizons. p_value: one-sided, over blocks.
-    force: place -> rms of the residual force (before, after). attainable_percent: share of the gain that a free force at the place would
-    bring. role: "held_out", or "last third" of the only recording.
+    force: place -> rms of the residual force (before, after). attainable_percent: of what forces that are free at every place would take
+    from the errors (arithmetic mean over outputs and horizons), None where that is next to nothing. role: "held_out", or "last third" of
+    the only recording.
     """
 
     before: Mapping[str, Errors]

@@ -184,7 +184,7 @@ def _held_out(found: Diagnosis) -> str:
         f"{escape(_chance(held.p_value))} from {held.blocks} blocks."
     )
     if held.attainable_percent is not None:
-        said += f" That is {number(held.attainable_percent, 3)} % of what a force that is free there would gain."
+        said += f" That is {number(held.attainable_percent, 3)} % of what forces that are free at every place would take from them."
     head = ["output", "over", "rms error before", "after", "change"]
     forces = [[place, quantity(a, unit), quantity(b, unit)] for place, (a, b, unit) in held.force.items()]
     return (

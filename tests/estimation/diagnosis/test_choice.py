@@ -22,6 +22,7 @@ from backsight.estimation.diagnosis.choice import (
     held_unseen,
     idle,
     matters,
+    misleading,
     simpler_there,
     simplest,
     slight,
@@ -32,11 +33,12 @@ from backsight.estimation.diagnosis.choice import (
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.score import Columns
+from backsight.estimation.diagnosis.score import Columns, Linearised
 from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.estimation.diagnosis.verdict import Explanation, Strength
+from backsight.estimation.diagnosis.worth import Worth
 from backsight.models.mechanics.translational import PositionDependentFriction
 
 
@@ -170,6 +172,25 @@ def test_a_third_law_of_one_family_has_to_take_as_much_as_matters_from_what_is_l
     c = Candidate(place="carriage", family="friction", physics="logarithmic_friction", strengths=("log.b",))
     sizes = SimpleNamespace(forces={"carriage": 60.0})  # 1 % of which are 0.6
     assert trifling(c, Fitted(candidate=c, result=result(left)), accepted, result(1.0), sizes) is out
+
+
+@pytest.mark.parametrize("family", ["actuator", "friction"])
+def test_a_fault_of_an_input_with_which_more_is_left_over_explains_nothing(family):
+    """Coulomb friction of 20 N and an input read 40 % too large or right, smoothed without the friction; W as the data have it."""
+    made = run(1.0, 2e-3, f_c=20.0)
+    right = posed(made, W={})
+    wrong = replace(right, recordings=[replace(r, inputs={"F": 1.4 * r.inputs["F"]}) for r in right.recordings])
+    wrong = replace(wrong, parameters={**wrong.parameters, "carriage.m": 95.0})
+    fits = []
+    for problem in (right, wrong):
+        result = smooth(problem)
+        assert result.solution is not None
+        candidate = Candidate(place="input:F", family=family, physics="input_gain")
+        fitted = Fitted(candidate=candidate, problem=problem, result=result, worth=Worth(nats=0.0, solution=result.solution))
+        fits.append((candidate, fitted, Sizes(problem, result, Linearised(result.solution))))
+    (c, better, small), (_, worse, large) = fits
+    assert misleading(c, worse, small) is (family == "actuator")
+    assert misleading(c, better, large) is False
 
 
 def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_white():

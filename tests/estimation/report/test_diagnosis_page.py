@@ -75,7 +75,7 @@ def test_the_story_is_told_in_the_order_of_an_engineers_questions(page):
     assert "cannot be told from what was accepted" in page.text
     assert "75 % smaller" in page.text
     assert "p = 0.001 from 12 blocks" in page.text
-    assert "93 % of what a force that is free there would gain" in page.text
+    assert "93 % of what forces that are free at every place would take from them" in page.text
     assert "these recordings show none" in page.text
     assert "20 µm" in page.text
 
