@@ -23,6 +23,7 @@ from backsight.ocp import Options, Solution
 from ..problem import Free, Problem
 from ..results import Smoothing
 from ..smoothing.begun import Begun, force_stds
+from ..smoothing.horizons import sampling_interval
 from ..smoothing.program import Settings
 from ..smoothing.rest import strengths_at_rest
 from ..smoothing.smoother import OutOfTime, smoothing
@@ -160,6 +161,8 @@ def fitted(
         anew = candidate.physics in HOLDING and candidate.place in hidden(now) - strengths_at_rest(begin).keys()
         there = None if anew else Begun.of(begin, now)
         weighed = now if settings.weigh else with_weights_of(begin, now)
+        if candidate.dear:
+            settings = replace(settings, finest=max(settings.finest, _fineness(problem, begin)))
         if not (settings.weigh or anew):
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
@@ -168,6 +171,15 @@ def fitted(
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=True)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
+
+
+def _fineness(problem: Problem, solution: Solution) -> float:
+    """Sampling intervals in one of a solution's mesh: of the recording where these are fewest.
+
+    A coupling of guessed stiffness asks for more than it has to tell; where one is kept the mesh is made anew.
+    """
+    pairs = zip(problem.fitted, solution.transcription.horizons, strict=True)
+    return min(float(np.median(h.mesh.steps)) / sampling_interval(r) for r, h in pairs)
 
 
 def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:

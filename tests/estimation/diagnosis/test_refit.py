@@ -16,8 +16,9 @@ from backsight.estimation.diagnosis import refit
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.channels import of_input, of_sensor
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import Fitted, begun, evidence, fitted, settled
+from backsight.estimation.diagnosis.refit import QUICKLY, Fitted, begun, evidence, fitted, settled
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screened
 from backsight.estimation.diagnosis.supermodel import Look
@@ -110,6 +111,17 @@ def test_a_fit_finds_what_was_concealed(lacking, name):
     away = pickle.loads(pickle.dumps(found))
     assert away.whole.solution is not None
     assert away.whole.parameters[f"{name}_carriage.f_c"].value == f_c.value
+
+
+def test_a_coupling_is_fitted_on_a_mesh_as_fine_as_the_models_own(lacking):
+    """Its guessed stiffness would ask for one of an interval a sample."""
+    problem, result = lacking
+    candidates = library(problem, problem.model, result.solution)
+    c = max((c for c in candidates if c.physics == "compliance"), key=lambda c: c.start["screw.k"][0])
+    (had,) = result.solution.transcription.horizons
+    found = fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}), QUICKLY)
+    (horizon,) = found.worth.solution.transcription.horizons
+    assert horizon.mesh.count < 1.2 * had.mesh.count < 0.8 * len(had.time)
 
 
 def test_what_is_not_there_explains_next_to_nothing(lacking):
