@@ -26,8 +26,8 @@ SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, tu
 SHARE = 0.3  # of the mass behind a coupling, that before it where the model has none there
 RESONANCES = (8.0, 30.0)  # Hz, of the stiffnesses from which fits start
 DAMPING, DAMPING_OF_PLAY = 0.05, 0.3  # ratios
-PLAYS = (0.005,)  # of the span of the positions, from which fits start
-CORNER = 0.02  # of the play, over which it is rounded
+PLAYS = (0.005, 0.0005)  # of the span of the positions, from which fits start
+CORNER = 0.02  # of the play, over which it is rounded; while one is sought, of the largest that fits start from
 LOOSE = (0.05, 0.3)  # of the span of the twist of a soft coupling
 SECTION = 0.1  # of the inertia behind a string: that of a section of its own
 
@@ -94,7 +94,7 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
         for share in PLAYS:
             gap = share * motion.span
             start = {f"{spot.name}.gap": (gap, 0.0, gap * 100), f"{spot.name}.k": (k, k * 1e-2, k * 1e4), **extra}
-            loose = rebuilt(_loose(slides, gap, k, d))
+            loose = rebuilt(_loose(slides, gap, k, d, CORNER * max(PLAYS) * motion.span))
             play = _of_transmission(place, "backlash", loose, start, {"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"})
             found.append(replace(play, later={f"{spot.name}.d": (d, 0.0, d * 1e4)}, rounded=_corners(spot)))
     return found
@@ -111,7 +111,7 @@ def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], 
     if isinstance(component, (sliding.SpringDamper, turning.RotationalSpringDamper)) and motion.span > 0:
         for share in LOOSE:
             gap = share * motion.span
-            loose = Exchange(name=spot.name, component=_loose(slides, gap, k, d))
+            loose = Exchange(name=spot.name, component=_loose(slides, gap, k, d, CORNER * gap))
             start = {f"{spot.name}.gap": (gap, 0.0, gap * 20)}
             found.append(
                 replace(_of_transmission(spot.name, "backlash", loose, start, {"gap": f"{spot.name}.gap"}), rounded=_corners(spot))
@@ -145,9 +145,9 @@ def _tuned(inertia: float, frequency: float, ratio: float) -> tuple[float, float
     return k, float(2 * ratio * np.sqrt(k * inertia))
 
 
-def _loose(slides: bool, gap: float, k: float, d: float) -> Component:
+def _loose(slides: bool, gap: float, k: float, d: float, width: float) -> Component:
     kind = sliding.Backlash if slides else turning.RotationalBacklash
-    return kind(gap=gap, k=k, d=d, width=CORNER * gap)
+    return kind(gap=gap, k=k, d=d, width=width)
 
 
 def _corners(spot: Spot) -> dict[str, tuple[str, float]]:

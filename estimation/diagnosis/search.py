@@ -48,6 +48,7 @@ DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
+LOST = 0.2  # of what an effect gained, that sharp corners may cost
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -333,7 +334,10 @@ class Search:
         self._free(c)
 
     def _free(self, c: Candidate) -> None:
-        """What comes free with a candidate once it is kept, and what is rounded by what was found of it, where that is no worse."""
+        """What comes free with a candidate once it is kept, and what is rounded by what was found of it, where that is no worse.
+
+        Of rounding it may be a little worse: no machine has such corners, and wide ones pass for what contacts have besides stiffness.
+        """
         if not (c.later or c.rounded):
             return
         free: dict[str, Free | float] = {name: Free(*bounds) for name, bounds in c.later.items()}
@@ -341,7 +345,8 @@ class Search:
             free[name] = share * self.result.parameters[whole].value
         problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
         found = self._again(problem, f"{c.title}, as it was found")
-        if found is not None and (more := self._worth(problem, found).over(self.now)) > 0:
+        least = -LOST * self.findings[-1].gain if c.rounded else 0.0
+        if found is not None and (more := self._worth(problem, found).over(self.now)) > least:
             self.problem, self.result = problem, found
             self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + more)
 

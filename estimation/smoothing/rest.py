@@ -35,6 +35,7 @@ DOUBT = 3.0  # standard deviations of a velocity within which its sign is not kn
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 ANY_ROOM = 1.01  # the same from which on it has room at all
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
+STRAINED = 5.0  # standard deviations of a force or a sample near rest, from which on it tells that room is missing there
 TINY = 1e-300  # strength that still marks an interval near rest
 VELOCITY_UNITS = ("m/s", "rad/s")  # of a width: corners of contacts and of loads are rounded in other units
 
@@ -219,6 +220,35 @@ def with_room(force_std: Array, at_rest: Array) -> Array:
     residual forces would be refused for it.
     """
     return np.asarray(np.hypot(force_std[:, None], at_rest), dtype=np.float64)
+
+
+def wants_room(
+    problem: Problem, laws: tuple[FrictionLaw, ...], solution: Solution, followed: Followed, known: Mapping[int, float] | None = None
+) -> bool:
+    """Whether a solution strains where it has come to rest: in intervals near rest that have no room there.
+
+    Room is given by the trajectory that a solve began at; where its noise hid a rest, a body breaks away against its own law, and what that
+    costs, in forces or in samples of an accelerometer, the weights would take for noise. followed: of the solution; known: as for
+    `open_at_rest`.
+    """
+    t = solution.transcription
+    if not laws or not t.soft:
+        return False
+    at_rest = open_at_rest(problem, laws, followed, [h.mesh.knots for h in t.horizons], t.soft, solution.parameters, known)
+    std = t.force_std_at(solution.values)
+    lacking = near_rest(with_room(std.min(axis=1), at_rest)) & ~near_rest(std)
+    if not lacking.any():
+        return False
+    number = solution.term(t.force_term)
+    interval = t.nlp.terms[number].interval
+    forces = any(_strained(solution.rows[number][i :: len(t.soft)][:, there[interval]]) for i, there in enumerate(lacking))
+    rows = np.concatenate([np.any(list(_rows(solution, k, lacking).values()), axis=0) for k in range(len(t.horizons))])
+    return forces or _strained(solution.rows[solution.term("samples")][:, rows])
+
+
+def _strained(rows: Array) -> bool:
+    """Whether one of these rows, of standard deviation one, is beyond all chance."""
+    return bool(np.max(np.abs(rows), initial=0.0) > STRAINED)
 
 
 def near_rest(std: Array) -> Room:

@@ -22,7 +22,7 @@ from .mesh_error import Checked, refine
 from .meshing import Meshed, mesh
 from .outcome import Run
 from .program import Program, Settings, ended, make_program
-from .rest import FrictionLaw
+from .rest import FrictionLaw, wants_room
 from .variances import CLOSE, Choice, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -32,6 +32,7 @@ MOVED = 2.0  # factor on a standard deviation, up or down, from which on the mes
 ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the way
 FAR = 0.5  # of a deviation that the last steps moved a parameter: beyond, weights from the data are others there
 ALTERNATIONS = 4
+ROOMS = 3  # times that room near rest is given anew
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -93,6 +94,8 @@ class Work:
         choice, remeshed = work.chosen(program, meshed.least_std, stds), False
         if settings.step is None and _moved(choice, force_std):
             choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
+        if not settings.hasty:
+            choice, stds = work.given_room(choice, stds, meshed.least_std)
         checked = Checked(solution=choice.solution)
         if settings.check_mesh:
             checked = refine(choice.solution, partial(work.again, choice), keep=settings.step is not None, say=self.say)
@@ -189,6 +192,22 @@ class Work:
         program = self.program(anew.horizons, followed_by(solution), _by_place(choice, solution), solution.parameters)
         second = self.chosen(program, anew.least_std, now)
         return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
+
+    def given_room(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
+        """The same with room where trajectories have come to rest, if they strain there without it."""
+        for _ in range(ROOMS):
+            solution = choice.solution
+            if not solution.solved.status.converged or not wants_room(
+                self.problem, self.laws, solution, followed_by(solution), self.strengths
+            ):
+                break
+            self.say("room where trajectories have come to rest")
+            now, t = self.in_force(stds, choice), solution.transcription
+            second = self.chosen(self.from_there(choice, solution, _rated(t.horizons, choice), t.degree), least_std, now)
+            if not second.solution.solved.status.converged:
+                break
+            choice, stds = replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
+        return choice, stds
 
     def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
         """What a finer mesh gave; weights from the data once more where the old mesh's error was in them."""

@@ -112,7 +112,9 @@ def test_play_that_is_kept_is_rounded_and_damped_by_what_was_found_of_it():
         for c in found:
             known = {p.name: p for p in compile_model(c.edited(model)).parameters}
             ((width, (gap, share)),) = c.rounded.items()
-            assert known[width].value == pytest.approx(share * c.start[gap][0])
+            # where play is sought by steps from several guesses no corner is sharper than that of the largest
+            sharpest = max(other.start[gap][0] for other in found) if damped else c.start[gap][0]
+            assert known[width].value == pytest.approx(share * sharpest)
             assert bool(c.later) is damped
             assert all(known[name].value == pytest.approx(guess) for name, (guess, _, _) in c.later.items())
 

@@ -11,9 +11,19 @@ import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
+from backsight.estimation.smoothing.begun import followed_by
 from backsight.estimation.smoothing.law_velocity import velocity_of
 from backsight.estimation.smoothing.program import Settings
-from backsight.estimation.smoothing.rest import NEAR, ROUNDING, friction_laws, open_at_rest, rounding, std_of_one, strengths_at_rest
+from backsight.estimation.smoothing.rest import (
+    NEAR,
+    ROUNDING,
+    friction_laws,
+    open_at_rest,
+    rounding,
+    std_of_one,
+    strengths_at_rest,
+    wants_room,
+)
 from backsight.models import Model, Parameter, Variable, compile_model, equal, law
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalElement, RotationalFixed, Torque
 from backsight.models.mechanics.spatial import QuadraticDrag
@@ -214,6 +224,20 @@ def test_what_begins_at_a_solution_has_its_room_near_rest():
     less = Problem(model=DAE, recordings=[recording], parameters={**FREE, "friction.f_c": Free(8.0)})
     again = smooth(less, begin=first, settings=Settings(check_mesh=False)).solution
     assert strengths_at_rest(again)["carriage"] == pytest.approx(strength, rel=1e-6)
+
+
+def test_room_is_missing_where_a_solution_strains_at_rest_without_it_and_nowhere_else():
+    recording, _ = dwelling(1)
+    problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
+    solution = smooth(problem).solution
+    laws, t = friction_laws(problem), solution.transcription
+    assert not wants_room(problem, laws, solution, followed_by(solution))
+    std = t.force_std_at(solution.values)
+    without = std.min(axis=1, keepdims=True) / std
+    bare = replace(solution, values=t.with_force_std(solution.values, without))
+    assert t.force_std_at(bare.values) == pytest.approx(np.broadcast_to(std.min(axis=1, keepdims=True), std.shape))
+    assert wants_room(problem, laws, bare, followed_by(solution))
+    assert not wants_room(problem, (), bare, followed_by(solution))
 
 
 COLOURS = pytest.mark.parametrize("kind", ["ou", "matern"])
