@@ -51,6 +51,7 @@ _STATUS = {
 FINE = 1e-4  # tolerance from which on Ipopt has the last word
 WORSE = 1e-6  # of the cost: what Ipopt's answer may cost more than that of plain steps
 SHORTEST_SECANT = 0.2  # of the step to the answer
+ON_BOUND = 1e-3  # units from a bound: what ends there ended on it
 DEARER = 10.0  # times the cost before: that was no step towards where both are the same
 
 
@@ -217,7 +218,7 @@ class Solver:
             status=status,
             iterations=iterations,
             seconds=time.perf_counter() - began,
-            on_bound=_on_bound(decisions, lower, upper, values.unit),
+            on_bound=self._on_bound(decisions, lower, upper, values),
             by_steps=by_steps,
         )
 
@@ -242,8 +243,22 @@ class Solver:
                 answer = found
                 break
         seconds = solved.seconds + time.perf_counter() - began
-        there = tuple(sorted({*held, *_on_bound(answer.decisions, *free, values.unit)}))
+        there = tuple(sorted({*held, *self._on_bound(answer.decisions, *free, values)}))
         return replace(answer, seconds=seconds, on_bound=there)
+
+    def _on_bound(self, decisions: Array, lower: Array, upper: Array, values: Values) -> tuple[int, ...]:
+        """Decisions within a thousandth of their unit from one of their bounds, of the smaller of what it was and of what it is here.
+
+        Where a solve began the cost may not have seen a parameter at all, of a state that did not move yet: its unit is huge there.
+        """
+        apart = np.minimum(decisions - lower, upper - decisions)
+        near = np.flatnonzero(apart < ON_BOUND * values.unit)
+        if len(near):
+            diagonal = self.weights(decisions, replace(values, unit=np.ones_like(values.unit)))[near]
+            unit = values.unit[near]
+            here = np.where(diagonal > 0, 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), unit)
+            near = near[apart[near] < ON_BOUND * np.minimum(unit, here)]
+        return tuple(near.tolist())
 
     def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:
         """Whether plain steps are all that is asked for: on the way, to a rough tolerance, or where only exact ones can lead on."""
@@ -381,8 +396,3 @@ class FixedPoint:
         turn = f_before - f
         length = np.divide(p - before, turn, out=np.ones_like(f), where=turn * (p - before) > 0)
         return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)
-
-
-def _on_bound(decisions: Array, lower: Array, upper: Array, unit: Array) -> tuple[int, ...]:
-    """Decisions within a thousandth of their unit from one of their bounds."""
-    return tuple(np.flatnonzero(np.minimum(decisions - lower, upper - decisions) < 1e-3 * unit).tolist())

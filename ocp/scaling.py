@@ -10,6 +10,8 @@ from .ipopt import Solver
 from .nlp import Values
 from .polynomials import Array
 
+UNSEEN = 1e6  # times its size: a parameter that may move as far at a cost of one is not seen by the cost
+
 
 def scaled(solver: Solver, decisions: Array, values: Values) -> Values:
     """The same program in better units.
@@ -49,5 +51,7 @@ def _units(solver: Solver, decisions: Array, values: Values) -> Array:
     first = first[diagonal[first] > 0]
     unit[first] = np.minimum(unit[first], diagonal[first] ** -0.5)
     for k in range(n, nlp.size):
-        unit[k] = diagonal[k] ** -0.5 if diagonal[k] > 0 else abs(decisions[k]) or 1.0
+        size = abs(decisions[k]) or 1.0
+        # a parameter of constraints alone is seen by rounding at most
+        unit[k] = diagonal[k] ** -0.5 if diagonal[k] * (UNSEEN * size) ** 2 > 1.0 else size
     return unit

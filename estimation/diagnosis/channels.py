@@ -24,6 +24,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Changes = Sequence[tuple[float, Callable[[Array, Array], Array]]]
 
 TIMES = 14  # lags and delays looked at
+SHORTEST = 0.25  # of a sampling interval: the shortest
 BEYOND = 3.0  # times the longest of them: where a fit ends
 LONGEST = 0.05  # of a recording: the longest of them
 LIMITS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the largest input: where it may be cut off
@@ -117,7 +118,7 @@ class _Channel:
         """Lag and delay; held: whether values are held from row to row."""
         times, start = _times(interval, duration)
         return [
-            self.shaped("lag", Lag(tau=interval), "tau", start, [(t, _by(lagged, t, held)) for t in times]),
+            self.shaped("lag", Lag(tau=interval), "tau", _of_lag(start), [(t, _by(lagged, t, held)) for t in times]),
             self.shaped("delay", Delay(delay=interval), "delay", start, [(t, _by(late, t, held)) for t in times]),
         ]
 
@@ -151,7 +152,7 @@ def of_alike(model: Model, names: Sequence[str], interval: float, duration: floa
     )
     for block, fault, word, changed in blocks:
         own = [free_name(model, f"input_{fault}_{name}") for name in names]
-        path = f"{free_name(model, f'input_{fault}')}.{word}"
+        path, bounds = f"{free_name(model, f'input_{fault}')}.{word}", _of_lag(start) if fault == "lag" else start
         if path in model.parameters:
             continue  # it is there already
         parts = tuple(Insert(place=place, component=block(), name=name) for place, name in zip(places, own, strict=True))
@@ -161,7 +162,7 @@ def of_alike(model: Model, names: Sequence[str], interval: float, duration: floa
                 family="actuator",
                 physics=f"input_{fault}",
                 edits=(Alike(parts=parts, parameter=path, word=word, value=interval),),
-                start={path: start},
+                start={path: bounds},
                 named={word: path},
                 signals=tuple(Signal(of=places, changed=_by(changed, t, True), start={path: t}) for t in times),
             )
@@ -231,8 +232,14 @@ class _Turned:
 def _times(interval: float, duration: float) -> tuple[tuple[float, ...], tuple[float, float, float]]:
     """Lags and delays that are looked at, and guess, least and largest of a fit."""
     longest = max(LONGEST * duration, interval)
-    times = np.geomspace(interval / 4, longest, TIMES)
+    times = np.geomspace(SHORTEST * interval, longest, TIMES)
     return tuple(float(t) for t in times), (interval, interval / 50, BEYOND * longest)
+
+
+def _of_lag(start: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Guess, least and largest of a lag: one shorter than a part of an interval is none on such a mesh, but a delay of its own making."""
+    guess, _, largest = start
+    return guess, SHORTEST * guess, largest
 
 
 def _by(change: Callable[..., Array], t: float, held: bool) -> Callable[[Array, Array], Array]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,6 +108,23 @@ def test_the_last_word_leaves_on_its_bound_what_plain_steps_have_found_there():
     assert ended.decisions[-1] == plain.decisions[-1] == upper[-1]
     assert t.nlp.size - 1 in ended.on_bound
     np.testing.assert_allclose(ended.decisions, plain.decisions, rtol=1e-4, atol=1e-5)
+
+
+def test_what_the_cost_did_not_see_where_a_solve_began_is_not_on_a_bound_that_it_is_far_from():
+    """A unit of a hundred thousand, as that of a parameter without effect has: its bound is a tenth of the answer away."""
+    h = random_horizon(DAE, 0, intervals=3)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
+    t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
+    values = t.nlp.values(PARAMETERS)
+    blind = replace(values, unit=np.where(np.arange(t.nlp.size) == t.nlp.size - 1, 1e5, values.unit))
+    lower, upper = np.full(t.nlp.size, -np.inf), np.full(t.nlp.size, np.inf)
+    answer = solve()[1].decisions[-1]
+    for low, on_it in ((0.9 * answer, False), (1.1 * answer, True)):
+        lower[-1], x = low, np.full(t.nlp.size, 0.1)
+        x[-1] = 1.2 * answer
+        found = Solver(t.nlp).solve(x, blind, lower=lower, upper=upper, newton=False)
+        assert found.decisions[-1] == pytest.approx(max(answer, low), rel=0.02)
+        assert (t.nlp.size - 1 in found.on_bound) is on_it
 
 
 def test_progress_tells_each_stage():

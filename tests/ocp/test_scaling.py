@@ -15,14 +15,14 @@ DAE = compiled(lagged())
 PARAMETERS = np.array([p.value for p in DAE.parameters])
 
 
-def program(method: str, degree: int):
+def program(method: str, degree: int, free: str = "mass.m"):
     h = random_horizon(DAE, 0, intervals=6, samples=7)
     prior = ParameterPrior(mean=np.array([2.0]), std=np.array([np.inf]))
     h = replace(h, mesh=Mesh(h.time))  # samples on the knots: inner unknowns are seen by nothing but rounding
     t = transcribe(
         DAE,
         [replace(h, target_std=1e-5 * h.target_std)],
-        free=number(DAE, "mass.m"),
+        free=number(DAE, free),
         prior=prior,
         force_std={0: 0.3},
         method=method,
@@ -41,6 +41,17 @@ def test_units_are_positive_finite_and_not_made_of_rounding(method, degree, star
     assert np.all(np.isfinite(values.unit) & (values.unit > 0))
     assert values.unit.max() < 1e6, values.unit.max()
     assert all(np.all(np.isfinite(s)) for s in values.scale)
+
+
+@pytest.mark.parametrize("method", ["spline", "collocation"])
+def test_a_parameter_of_constraints_alone_has_its_own_size_for_a_unit(method):
+    """The time constant of a lag, in no balance that has a residual force; the mass is in one."""
+    for free, own in (("motor.T", True), ("mass.m", False)):
+        t, solver = program(method, 2, free)
+        x = np.random.default_rng(0).normal(size=t.nlp.size)
+        x[-1] = 0.05
+        unit = scaled(solver, x, t.nlp.values(PARAMETERS)).unit[-1]
+        assert bool(unit == 0.05) is own
 
 
 @pytest.mark.parametrize("method", ["spline", "collocation"])
