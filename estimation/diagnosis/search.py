@@ -118,6 +118,7 @@ class Search:
                 self._held_again()
         if self.fits.left == 0:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+        self._on_a_checked_mesh()
         self._renew(sizes)
         self._limits(found, sizes)
 
@@ -134,6 +135,13 @@ class Search:
             self.problem, self.result = problem, again
             if more < WORTH:
                 return
+
+    def _on_a_checked_mesh(self) -> None:
+        """The model with what was found on a mesh that no longer moves its numbers: candidates are compared on that which it began with."""
+        if self.findings and self.fits.left > 0:
+            self.fits.say("the mesh, with what was found")
+            base = replace(self._base, settings=replace(self.settings, check_mesh=True))
+            self.result = self.fits.again(base, settled(self.problem, self.result), "on a checked mesh") or self.result
 
     def _held_again(self) -> None:
         """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""

@@ -165,6 +165,18 @@ def test_an_encoder_that_lags_is_the_sensor():
     assert named & {("sensor:x", "sensor_lag"), ("sensor:x", "sensor_delay"), ("input:F", "input_lag"), ("input:F", "input_delay")}
 
 
+def test_what_was_found_ends_on_a_mesh_that_no_longer_moves_its_numbers():
+    """A motion of few samples: the mesh on which candidates are compared is too coarse for it, and is looked at again after the last."""
+    told = list[str]()
+    d = diagnose(posed(run(4.0, 8e-3, f_c=20.0), W={"carriage": 0.02}), jobs=1, progress=told.append)
+    ends = told.index("the mesh, with what was found")
+    assert ends > max(k for k, said in enumerate(told) if said.startswith("fit "))
+    proof = told.index("proof on what was held out")
+    assert any(said.startswith("looking again with") for said in told[ends:proof])
+    f_c = d.findings[0].explanation.parameters["f_c"]
+    assert abs(f_c.value - 20.0) < 4 * f_c.std
+
+
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_answer_with_one_process_and_with_two():
     problem = case(1.5, f_c=20.0)
