@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backsight.models import Model
+from backsight.ocp import Solution
 
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
@@ -49,6 +50,7 @@ HINT = 0.25  # of the floor: with as much left over and no other effect, couplin
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
+FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -143,6 +145,15 @@ class Search:
             base = replace(self._base, settings=replace(self.settings, check_mesh=True))
             self.result = self.fits.again(base, settled(self.problem, self.result), "on a checked mesh") or self.result
 
+    def _finer(self) -> None:
+        """The same at once, and for all that comes: what a lag makes of a mesh that is too coarse for it, further effects would explain."""
+        had = self.result.solution
+        self._on_a_checked_mesh()
+        now = self.result.solution
+        if had is not None and now is not None and now is not had and _intervals(now) > FINER * _intervals(had):
+            steps = [float(np.median(h.mesh.steps)) for h in now.transcription.horizons]
+            self.settings = replace(self.settings, step=min(steps))
+
     def _held_again(self) -> None:
         """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
         if self.held is None or not self.findings or self.fits.left == 0:
@@ -235,7 +246,7 @@ class Search:
             if again is not None:
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
-        (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed)
+        (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
         return True
 
     def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
@@ -338,8 +349,11 @@ class Search:
         self.before = Before(problem=self.problem, model=self.model, findings=had[0], accepted=had[1])
         brought = {p.name for p in f.problem.dae.places} - {p.name for p in self.problem.dae.places}
         self.settings = replace(self.settings, supposed=self.settings.supposed | (hidden(f.problem) & brought))
+        lags = c.signals and len(f.problem.dae.states) > len(self.problem.dae.states)
         self.problem, self.model, self.result = f.problem, f.model, f.whole
         self._free(c)
+        if lags:
+            self._finer()
 
     def _free(self, c: Candidate) -> None:
         """What comes free with a candidate once it is kept, and what is rounded by what was found of it, where that is no worse.
@@ -383,6 +397,10 @@ class Search:
     def verdict(self) -> Class:
         """One word for what was found."""
         return verdict(self.findings) if self.compared else "undecided"
+
+
+def _intervals(solution: Solution) -> int:
+    return sum(h.mesh.count for h in solution.transcription.horizons)
 
 
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:

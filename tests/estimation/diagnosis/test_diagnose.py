@@ -159,17 +159,21 @@ def test_an_encoder_that_lags_is_the_sensor():
     for k in range(1, len(x)):  # of a reading that is straight between its rows, to second order
         read[k] = a * read[k - 1] + (1 - a) * (x[k] + x[k - 1]) / 2
     noise = NOISE * np.random.default_rng(0).standard_normal(len(x))
-    d = diagnose(posed(replace(made, outputs={"x": read + noise}), W={}), jobs=1)
+    told = list[str]()
+    d = diagnose(posed(replace(made, outputs={"x": read + noise}), W={}), jobs=1, progress=told.append)
     named = {(f.place, f.physics) for one in d.findings[:1] for f in (one.explanation, *one.rivals)}
     assert d.verdict in ("sensor", "input", "undecided")  # a lag of the sensor is one of the input where friction is viscous
     assert named & {("sensor:x", "sensor_lag"), ("sensor:x", "sensor_delay"), ("input:F", "input_lag"), ("input:F", "input_delay")}
+    # a lag has a state of its own, and its mesh is looked at as soon as it is found
+    lags = [f for f in d.findings if f.explanation.physics.endswith("_lag")]
+    assert told.count("the mesh, with what was found") == 1 + len(lags)
 
 
 def test_what_was_found_ends_on_a_mesh_that_no_longer_moves_its_numbers():
     """A motion of few samples: the mesh on which candidates are compared is too coarse for it, and is looked at again after the last."""
     told = list[str]()
     d = diagnose(posed(run(4.0, 8e-3, f_c=20.0), W={"carriage": 0.02}), jobs=1, progress=told.append)
-    ends = told.index("the mesh, with what was found")
+    (ends,) = (k for k, said in enumerate(told) if said == "the mesh, with what was found")
     assert ends > max(k for k, said in enumerate(told) if said.startswith("fit "))
     proof = told.index("proof on what was held out")
     assert any(said.startswith("looking again with") for said in told[ends:proof])
