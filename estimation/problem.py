@@ -283,6 +283,10 @@ class Problem:
         low, high = (given.min, given.max) if isinstance(given, Free) else (-np.inf, np.inf)
         return max(low, info.minimum), min(high, info.maximum)
 
+    def nearest_bound(self, index: int, value: float) -> float:
+        """That of a parameter's bounds on which a value of it lies, up to a solver's tolerance."""
+        return min(self.parameter_range(index), key=lambda bound: abs(bound - value))
+
     @property
     def values(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
         """All parameters: guesses, fixed values and the model's own."""

@@ -325,7 +325,7 @@ def _on_its_bound(problem: Problem, solution: Solution, number: int, bounds: OnB
     """What a parameter on a bound means for the others; number: among the free ones."""
     t = solution.transcription
     info, value = t.dae.parameters[t.nlp.free[number]], solution.solved.decisions[t.nlp.trajectory_size + number]
-    value = min(problem.parameter_range(t.nlp.free[number]), key=lambda bound: abs(bound - value))  # up to the solver's tolerance
+    value = problem.nearest_bound(t.nlp.free[number], float(value))
     start = f"{info.name} ended on its bound, {value:.6g} {info.unit}"
     if bounds is None:
         return f"{start}: all other values and deviations suppose that it is right."

@@ -133,8 +133,8 @@ def _parameters(
         given = problem.parameters.get(info.name)
         for name in own.get(info.name, [info.name]):
             value, s = float(values[number[name]]), float(std.get(number[name], np.nan))
-            if number[name] in held:  # up to the solver's tolerance
-                value, s = min(posed.parameter_range(number[name]), key=lambda bound: abs(bound - value)), np.nan
+            if number[name] in held:
+                value, s = posed.nearest_bound(number[name], value), np.nan
             if isinstance(given, Free) and given.drift is not None:
                 value, s = (_over_time(pieces, column) for column in (name, f"{name}.std"))
             known = s if isinstance(given, Free) and np.isfinite(s) and s > 0 else None
