@@ -83,7 +83,7 @@ def sensor(output: str, physics: str, told: Mapping[str, tuple[float, str]], *ri
         physics=physics,
         parameters=told,
         rivals=rivals,
-        sensors={output: SensorFault(**fault, jumps=output.startswith("a"))},
+        sensors={output: SensorFault(**fault)},
     )
 
 

@@ -16,10 +16,7 @@ FINER = 8  # steps of the lag in a row
 
 @dataclass(frozen=True, kw_only=True)
 class SensorFault:
-    """gain, bias [unit], rate [unit/s], delay and lag tau [s], eccentricity amplitude and phase [rad]; angle [rad] towards `other`.
-
-    jumps: it jumps where its rows begin, as an acceleration under a held input, and hardly moves in between.
-    """
+    """gain, bias [unit], rate [unit/s], delay and lag tau [s], eccentricity amplitude and phase [rad]; angle [rad] towards `other`."""
 
     gain: float = 1.0
     bias: float = 0.0
@@ -31,7 +28,6 @@ class SensorFault:
     angle: float = 0.0
     other: str = ""
     onset: float = -np.inf
-    jumps: bool = False
 
     def read(self, name: str, time: np.ndarray, clean: Mapping[str, np.ndarray]) -> np.ndarray:
         """What it reads (n,) instead of clean[name] (n,); before the first row all was as in it."""
@@ -39,10 +35,9 @@ class SensorFault:
         if self.angle:
             y = np.cos(self.angle) * y + np.sin(self.angle) * clean[self.other]
         if self.delay:
-            then = np.maximum(time - self.delay, time[0])
-            y = y[np.searchsorted(time, then, side="right") - 1] if self.jumps else CubicSpline(time, y)(then)
+            y = CubicSpline(time, y)(np.maximum(time - self.delay, time[0]))
         if self.tau:
-            y = _held_lagging(time, y, self.tau) if self.jumps else _lagging(time, y, self.tau)
+            y = _lagging(time, y, self.tau)
         out = self.gain * y + self.bias + self.rate * (time - max(self.onset, time[0]))
         out = out + self.amplitude * (np.sin(y + self.phase) - np.sin(self.phase))
         found: np.ndarray = np.where(time >= self.onset, out, clean[name])
@@ -58,12 +53,3 @@ def _lagging(time: np.ndarray, y: np.ndarray, tau: float) -> np.ndarray:
         keep, slope = np.exp(-h / tau), (u[k + 1] - u[k]) / h
         x[k + 1] = u[k + 1] - tau * slope + keep * (x[k] - u[k] + tau * slope)
     return x[::FINER]
-
-
-def _held_lagging(time: np.ndarray, y: np.ndarray, tau: float) -> np.ndarray:
-    """The same of a y that is held from row to row."""
-    x = np.empty_like(y)
-    x[0] = y[0]
-    for k, h in enumerate(np.diff(time)):
-        x[k + 1] = y[k] + np.exp(-h / tau) * (x[k] - y[k])
-    return x

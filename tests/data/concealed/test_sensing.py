@@ -23,14 +23,6 @@ def test_a_lag_makes_it_smaller_and_later() -> None:
     assert read[LATER] == pytest.approx(expected[LATER], abs=1e-6)
 
 
-def test_what_jumps_where_rows_begin_lags_and_is_late_from_there_on() -> None:
-    step = {"y": np.where(TIME >= 1.0, 2.0, 0.0)}
-    lagging = SensorFault(tau=0.05, jumps=True).read("y", TIME, step)
-    assert lagging == pytest.approx(np.where(TIME >= 1.0, 2.0 * (1 - np.exp(-(TIME - 1.0) / 0.05)), 0.0), abs=1e-12)
-    late = SensorFault(delay=0.005, jumps=True).read("y", TIME, step)
-    assert np.array_equal(late, np.where(TIME >= 1.005, 2.0, 0.0))
-
-
 def test_gain_bias_and_drift_add_up() -> None:
     read = SensorFault(gain=1.1, bias=0.2, rate=0.03).read("y", TIME, CLEAN)
     assert read == pytest.approx(1.1 * CLEAN["y"] + 0.2 + 0.03 * TIME)
