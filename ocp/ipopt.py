@@ -253,11 +253,9 @@ class Solver:
         """
         apart = np.minimum(decisions - lower, upper - decisions)
         near = np.flatnonzero(apart < ON_BOUND * values.unit)
-        if len(near):
+        if np.any(apart[near] > 0):  # what lies on a bound exactly needs no unit, as first states that are known
             diagonal = self.weights(decisions, replace(values, unit=np.ones_like(values.unit)))[near]
-            unit = values.unit[near]
-            here = np.where(diagonal > 0, 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), unit)
-            near = near[apart[near] < ON_BOUND * np.minimum(unit, here)]
+            near = near[diagonal * np.maximum(apart[near], 0.0) ** 2 < ON_BOUND**2]
         return tuple(near.tolist())
 
     def _enough(self, near: Solved, newton: bool, last_word: bool) -> bool:

@@ -146,13 +146,13 @@ def of_alike(model: Model, names: Sequence[str], interval: float, duration: floa
     found = list[Candidate]()
     times, start = _times(interval, duration)
     places = tuple(f"input:{name}" for name in names)
-    blocks: tuple[tuple[type[Component], str, str, Callable[..., Array]], ...] = (
-        (Lag, "lag", "tau", lagged),
-        (Delay, "delay", "delay", late),
+    blocks: tuple[tuple[type[Component], str, str, Callable[..., Array], tuple[float, float, float]], ...] = (
+        (Lag, "lag", "tau", lagged, _of_lag(start)),
+        (Delay, "delay", "delay", late, start),
     )
-    for block, fault, word, changed in blocks:
+    for block, fault, word, changed, bounds in blocks:
         own = [free_name(model, f"input_{fault}_{name}") for name in names]
-        path, bounds = f"{free_name(model, f'input_{fault}')}.{word}", _of_lag(start) if fault == "lag" else start
+        path = f"{free_name(model, f'input_{fault}')}.{word}"
         if path in model.parameters:
             continue  # it is there already
         parts = tuple(Insert(place=place, component=block(), name=name) for place, name in zip(places, own, strict=True))

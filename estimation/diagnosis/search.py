@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backsight.models import Model
-from backsight.ocp import Solution
 
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
@@ -150,9 +149,11 @@ class Search:
         had = self.result.solution
         self._on_a_checked_mesh()
         now = self.result.solution
-        if had is not None and now is not None and now is not had and _intervals(now) > FINER * _intervals(had):
-            steps = [float(np.median(h.mesh.steps)) for h in now.transcription.horizons]
-            self.settings = replace(self.settings, step=min(steps))
+        if had is None or now is None:
+            return
+        before, after = had.transcription, now.transcription
+        if len(after.nlp.steps) > FINER * len(before.nlp.steps):
+            self.settings = replace(self.settings, step=min(float(np.median(h.mesh.steps)) for h in after.horizons))
 
     def _held_again(self) -> None:
         """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
@@ -397,10 +398,6 @@ class Search:
     def verdict(self) -> Class:
         """One word for what was found."""
         return verdict(self.findings) if self.compared else "undecided"
-
-
-def _intervals(solution: Solution) -> int:
-    return sum(h.mesh.count for h in solution.transcription.horizons)
 
 
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:

@@ -195,11 +195,11 @@ class Work:
 
     def given_room(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
         """The same with room where trajectories have come to rest, if they strain there without it."""
-        for _ in range(ROOMS):
+        for _ in range(ROOMS if self.laws else 0):
             solution = choice.solution
-            if not solution.solved.status.converged or not wants_room(
-                self.problem, self.laws, solution, followed_by(solution), self.strengths
-            ):
+            if not solution.solved.status.converged:
+                break
+            if not wants_room(self.problem, self.laws, solution, followed_by(solution), self.strengths):
                 break
             self.say("room where trajectories have come to rest")
             now, t = self.in_force(stds, choice), solution.transcription
