@@ -38,12 +38,15 @@ def many(n: int, count: int, rng: np.random.Generator, force: np.ndarray | None 
     return out
 
 
-def problem(y: np.ndarray, *, settings: Settings | None = None, **given: object) -> tuple[Smoothing, Solution]:
-    """One record smoothed with W and V as they are, and the solution behind it."""
-    time, u = drive(len(y))
-    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD})
+def problem(*records: np.ndarray, settings: Settings | None = None, **given: object) -> tuple[Smoothing, Solution]:
+    """One record, or several, smoothed with W and V as they are, and the solution behind it."""
+    recordings = []
+    for k, y in enumerate(records):
+        time, u = drive(len(y))
+        name = f"run {k}" if k else "run"
+        recordings.append(Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD}))
     asked: dict = {"parameters": ALL_FREE, "weights": Weights(W={"mass": FORCE_STD})} | given
-    result = smooth(Problem(model=MODEL, recordings=[recording], **asked), settings=settings)
+    result = smooth(Problem(model=MODEL, recordings=recordings, **asked), settings=settings)
     assert result.solver.converged
     assert result.solution is not None
     return result, result.solution

@@ -7,8 +7,8 @@ Assoc. 84, 1989, with the notation of `Step`),
     a_i = L^-T (v_i - K' l_i),      e_i = noise_y' a_i + noise_x' l_i,      l_(i-1) = D' a_i + A' l_i
 
 with e_i the smoothed noises of interval i. The same map of random v gives the autocorrelations, in bands, that a right model would show;
-those found are held against their mean and covariance by Hotelling's T^2. Intervals where a place has more room than elsewhere are
-left out.
+those found are held against their mean and covariance by Hotelling's T^2. Those of several horizons are added, lag by lag: a memory is in
+all of them. Intervals where a place has more room than elsewhere are left out.
 """
 
 from __future__ import annotations
@@ -56,22 +56,22 @@ def impulses(solution: Solution, noises: Array) -> Array:
 
 def force_whiteness(solution: Solution, filtered: Filtered) -> dict[int, float]:
     """Place -> p-value of the hypothesis that its residual force is white, over all horizons; places that have none are left out."""
-    t, rng = solution.transcription, np.random.default_rng(0)
-    found: dict[int, list[Array]] = {k: [] for k in t.soft}
-    std = t.force_std_at(solution.values)
-    reach = [longest_lag(h.mesh.count) for h in t.horizons]
-    for number, run in enumerate(filtered.horizons):
-        if not t.soft or len(run.steps) < LEAST or len(run.u) < LEAST:
-            continue
+    t, rng, std = solution.transcription, np.random.default_rng(0), solution.transcription.force_std_at(solution.values)
+    runs = [(n, run) for n, run in enumerate(filtered.horizons) if min(len(run.steps), len(run.u)) >= LEAST]
+    reach = {n: longest_lag(t.horizons[n].mesh.count) for n, _ in runs}
+    if not (t.soft and runs):
+        return {}
+    sums = np.zeros((len(t.soft), 1 + DRAWS, len(bands(max(reach.values()))) - 1))
+    for number, run in runs:
         # the first column is what was found; what beta could follow is taken from all of them
         v = np.column_stack([run.u, rng.standard_normal((len(run.u), DRAWS))])
         basis = np.linalg.svd(run.E, full_matrices=False)[0]
         w = impulses(solution, smoothed_noises(run, v - basis @ (basis.T @ v)))
         edges = bands(reach[number])
         w[near_rest(std[:, t.offsets[number] : t.offsets[number + 1]])] = np.nan
-        for k, place in enumerate(t.soft):
-            found[place].append(np.add.reduceat(products(w[k].T)[0][:, : edges[-1]], edges[:-1], axis=1))
-    return {place: _hotelling(np.hstack(sums)) for place, sums in found.items() if sums}
+        for own, force in zip(sums, w, strict=True):
+            own[:, : len(edges) - 1] += np.add.reduceat(products(force.T)[0][:, : edges[-1]], edges[:-1], axis=1)
+    return {place: _hotelling(own) for place, own in zip(t.soft, sums, strict=True)}
 
 
 def _hotelling(values: Array) -> float:

@@ -37,7 +37,7 @@ def whiteness(e: Array, fitted: int = 0) -> float | None:
     """p-value of the hypothesis that e (n,) is white; None for fewer than 50 values or none that differ.
 
     Ljung and Box's sum with the lags beyond the eighth gathered in bands b, up to a 32nd of the series, so that a slow memory, a
-    little in each of a thousand lags, is seen as well as a short one:
+    little in each of a thousand lags, is seen as well as a short one; of lags that have pairs:
 
         Q = (n + 2)/n sum_b (sum_(k in b) c_k)^2 / sum_(k in b) n_k,      c_k = sum_t e_t e_(t+k) / mean(e^2),   n_k pairs
 
@@ -48,31 +48,36 @@ def whiteness(e: Array, fitted: int = 0) -> float | None:
     n = int(np.isfinite(e).sum())
     if n < LEAST:
         return None
-    c, pairs = products(e)
+    c, pairs = _products(e)
     if not c[0] > 0:
         return None
-    edges = bands(longest_lag(e.size))
+    edges = bands(longest_lag(c.size))
     sums, counts = (np.add.reduceat(x[: edges[-1]], edges[:-1]) for x in (c, pairs))
-    seen = counts >= 1
-    q = (n + 2) / n * float(np.sum(sums[seen] ** 2 / counts[seen]))
-    return float(stats.chi2.sf(q, max(int(seen.sum()) - fitted, 1)))
+    q = (n + 2) / n * float(np.sum(sums**2 / counts))
+    return float(stats.chi2.sf(q, max(len(counts) - fitted, 1)))
 
 
 def effective_samples(e: Array) -> float:
     """How many independent values the mean of e is worth: n / (1 + 2 sum r_k), from 1 to n.
 
-    The sum ends at five times the correlation time found so far (Sokal, Functional Integration, 1997, section 3).
+    The sum is over lags that have pairs, and ends at five times the correlation time found so far (Sokal, Functional Integration, 1997,
+    section 3).
     """
     n = int(np.isfinite(e).sum())
-    c, pairs = products(e)
+    c, pairs = _products(e)
     if n < 2 or not c[0] > 0:
         return float(max(n, 1))
-    r = c / np.maximum(pairs, 1.0)
-    tau = 1.0 + 2.0 * np.concatenate([[0.0], np.cumsum(r[1:])])
+    tau = 1.0 + 2.0 * np.concatenate([[0.0], np.cumsum(c[1:] / pairs[1:])])
     lag = np.arange(tau.size)
     enough = np.flatnonzero((lag >= MEMORY * tau) & (lag > 0))
     time = float(tau[enough[0]]) if enough.size else float(np.max(tau))
     return max(n / max(time, 1.0), 1.0)
+
+
+def _products(e: Array) -> tuple[Array, Array]:
+    """c_k and pairs of the lags that have any: of a sensor slower than the rows they are its own."""
+    c, pairs = products(e)
+    return c[pairs > 0], pairs[pairs > 0]
 
 
 def normality(e: Array) -> float | None:

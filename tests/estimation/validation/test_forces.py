@@ -48,3 +48,19 @@ def test_a_force_with_a_memory_is_rejected():
         slow = rms * np.sqrt(1 - a * a) * lfilter([1], [1, -a], np.random.default_rng(seed).normal(size=900))[500:]
         _, solution = problem(record(seed, force=slow), parameters=FREE)
         assert force_whiteness(solution, innovations(solution))[0] < 1e-3
+
+
+@pytest.mark.parametrize("count", [4, 20])
+def test_a_memory_is_seen_however_many_recordings_there_are(count):
+    """Forces with one in each of them; their sums of all recordings are those of random ones where the forces are white."""
+    a, rms = np.exp(-STEP / 0.2), 5 * FORCE_STD / np.sqrt(0.2)
+    p = {}
+    for size in (0.0, rms):
+        runs = []
+        for seed in range(count):
+            slow = size * np.sqrt(1 - a * a) * lfilter([1], [1, -a], np.random.default_rng(seed).normal(size=900))[500:]
+            runs.append(record(seed, force=slow if size else None))
+        _, solution = problem(*runs, parameters=FREE)
+        p[size] = force_whiteness(solution, innovations(solution))[0]
+    assert p[rms] < 1e-6
+    assert p[0.0] > 1e-3

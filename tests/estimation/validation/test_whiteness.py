@@ -84,6 +84,22 @@ def test_effective_samples_of_a_first_order_series_are_those_of_theory(a):
     assert max(found) <= n
 
 
+@pytest.mark.parametrize("every", [2, 10])
+def test_a_sensor_slower_than_the_rows_is_worth_as_much_as_without_the_empty_ones(every):
+    e = first_order(np.random.default_rng(8), 0.9, 2000)
+    rows = np.full(every * len(e), np.nan)
+    rows[::every] = e
+    assert effective_samples(rows) == pytest.approx(effective_samples(e))
+    assert whiteness(rows) == pytest.approx(whiteness(e))
+    noise = np.random.default_rng(9).standard_normal((400, 200))
+    p = []
+    for own in noise:
+        rows = np.full(every * len(own), np.nan)
+        rows[::every] = own
+        p.append(whiteness(rows))
+    assert abs(np.mean(np.array(p) < 0.05) - 0.05) < 4 * np.sqrt(0.05 * 0.95 / len(noise))
+
+
 @pytest.mark.parametrize("a", [0.0, 0.8])
 def test_normal_series_are_rejected_as_often_as_the_level_says_coloured_or_not(a):
     rng = np.random.default_rng(6)
