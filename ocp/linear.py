@@ -116,12 +116,12 @@ def direct_share(linear: Linear, force_std: Array, sample_density: Array) -> flo
     return float(np.max(entering / sample_density, initial=0.0))
 
 
-def driven_outputs(linear: Linear, duration: float) -> Array:
+def driven_outputs(linear: Linear, duration: float, share: float = 0.5) -> Array:
     """Standard deviation of the outputs after `duration` [s] when one residual force of std one drives the plant from rest, (ny, n_soft).
 
     x' = A x + G w: P(T) = int_0^T e^(A s) G G' e^(A' s) ds, by Van Loan's exponential over a short span and doublings
     P(2 T) = P(T) + e^(A T) P(T) e^(A' T). What enters an output at once, D w, counts with its mean over the duration, of variance D D'/T.
-    Median over the places.
+    Of the places, what a share of them stays below: the median.
     """
     A, nx = linear.A, linear.A.shape[1]
     # an unstable place would overflow; what it does in ten of its time constants is enough to know
@@ -139,7 +139,7 @@ def driven_outputs(linear: Linear, duration: float) -> Array:
         for _ in range(doublings):
             P, step = P + step @ P @ _t(step), step @ step
         variance = np.einsum("mij,mjk,mik->mi", linear.C, P, linear.C) + linear.D[:, :, k] ** 2 / duration
-        out.append(np.median(np.sqrt(np.maximum(variance, 0.0)), axis=0))
+        out.append(np.quantile(np.sqrt(np.maximum(variance, 0.0)), share, axis=0))
     return np.array(out).reshape(linear.G.shape[2], linear.C.shape[1]).T
 
 
@@ -175,19 +175,23 @@ def bridge_variance(mesh: Mesh, degree: int, interval: Array, tau: Array) -> Arr
     return np.asarray(np.maximum(tau * (1 - tau) - resolved, 0.0) * mesh.steps[interval], dtype=np.float64)
 
 
-def averaging(horizon: Horizon, degree: int) -> Array:
-    """Coefficients c (K, n) of a force's moments in the force that a sensor averages over a sampling interval dt from its sample on.
+def averaging(horizon: Horizon, degree: int, outputs: Sequence[int]) -> Array:
+    """Coefficients c (K outputs, n), those of an output together, of a force's moments in the force that its sensor averages.
 
-    int over [t_k, t_k + dt] of L_j / dt, as far as the mesh interval reaches (at its end: the dt before), and all of them times what makes
-    the variance of a white force, sum_j c_j^2 / h, that of the average, 1/dt: what is beyond the interval or its moments is as loud as the
-    rest.
+    int over [t_k, t_k + dt] of L_j / dt, dt the output's own sampling interval, as far as the mesh interval reaches (at its end: the dt
+    before), and all of them times what makes the variance of a white force, sum_j c_j^2 / h, that of the average, 1/dt: what is beyond the
+    interval or its moments is as loud as the rest.
     """
     interval, tau = horizon.mesh.locate(horizon.time)
-    h, dt = horizon.mesh.steps[interval], float(np.median(np.diff(horizon.time)))
-    begin = np.where(tau < 1.0, tau, np.maximum(1.0 - dt / h, 0.0))
-    end = np.minimum(begin + dt / h, 1.0)
-    c = np.array([np.sqrt(2.0 * j + 1.0) * (_legendre_integral(j, end) - _legendre_integral(j, begin)) for j in range(degree)])
-    return np.asarray(c * np.sqrt(h / dt / np.sum(c**2, axis=0)), dtype=np.float64)
+    h, parts = horizon.mesh.steps[interval], []
+    for i in outputs:
+        own = horizon.time[np.isfinite(horizon.target[:, i])]
+        dt = float(np.median(np.diff(own if len(own) > 1 else horizon.time)))
+        begin = np.where(tau < 1.0, tau, np.maximum(1.0 - dt / h, 0.0))
+        end = np.minimum(begin + dt / h, 1.0)
+        c = np.array([np.sqrt(2.0 * j + 1.0) * (_legendre_integral(j, end) - _legendre_integral(j, begin)) for j in range(degree)])
+        parts.append(c * np.sqrt(h / dt / np.sum(c**2, axis=0)))
+    return np.vstack(parts)
 
 
 def _exponential(matrices: Array) -> Array:

@@ -20,8 +20,9 @@ from .polynomials import Array
 
 @dataclass(frozen=True, kw_only=True)
 class AtOnce:
-    """Outputs at a sample, and the symbols that they take beside the model's: `rest` (nu or 0) of the input, `coefficients` (K or 0), and
-    `moments` (q K or 0) of `force` (q) in the interval. ahead: outputs that see the force of the interval after their sample."""
+    """Outputs at a sample, and the symbols that they take beside the model's: `rest` (nu or 0) of the input, `coefficients` (K outputs or
+    0), and `moments` (q K or 0) of `force` (q) in the interval. ahead: outputs that see the force of the interval after their sample, in
+    the order of their coefficients."""
 
     output: Any
     rest: Any
@@ -109,8 +110,8 @@ class Pieces:
             y = h + E du - D (w - w_mean),      [E, D] = -dh/d(x', z) (dF/d(x', z))^-1 [dF/du, -1]  (D also dh/dw)
 
         du: what the projection leaves of the input; w_mean = sum_j c_j m_j: the force as its moments m_j in the interval have it over the
-        sampling interval, which is what such a sensor averages over. So a reading and the motion share their force on a mesh with knots at
-        the samples; on a finer one the force of the first part stands for the whole, and the reading tells less.
+        sampling interval of the output, which is what such a sensor averages over. So a reading and the motion share their force on a
+        mesh with knots at the samples; on a finer one the force of the first part stands for the whole, and the reading tells less.
         """
         dae, nothing = self.dae, ca.SX(0, 1)
         du, (E, D) = ca.SX.sym("du", dae.u.shape[0]), self.direct
@@ -118,11 +119,12 @@ class Pieces:
         if not places:
             return AtOnce(output=output, rest=du if E.nnz() else nothing, coefficients=nothing, moments=nothing, force=nothing)
         force = self.forces()[places]
-        c, m = ca.SX.sym("c", degree), ca.SX.sym("m", len(places), degree)
-        here = ca.substitute(force, dae.u, dae.u - du) if dae.u.shape[0] else force
-        output -= D[:, places] @ (here - m @ c)
         ahead = tuple(sorted(set(D.sparsity().row())))
-        return AtOnce(output=output, rest=du, coefficients=c, moments=ca.vec(m), force=force, ahead=ahead)
+        c, m = ca.SX.sym("c", degree, len(ahead)), ca.SX.sym("m", len(places), degree)
+        here = ca.substitute(force, dae.u, dae.u - du) if dae.u.shape[0] else force
+        for k, i in enumerate(ahead):
+            output[i] -= D[i, places] @ (here - m @ c[:, k])
+        return AtOnce(output=output, rest=du, coefficients=ca.vec(c), moments=ca.vec(m), force=force, ahead=ahead)
 
     def forces(self) -> Any:
         """The residual forces of the soft places: what the balances leave over, or unknowns of their own."""

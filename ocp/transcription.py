@@ -167,7 +167,7 @@ def _samples(pieces: Pieces, degree: int) -> Term:
         within = Within(function=pieces.function("forces", seen.force), nodes=nodes, weights=(weights * legendre(degree, nodes)).T)
         for k, (h, (interval, _)) in enumerate(zip(pieces.horizons, located, strict=True)):
             inside = h.point_data(degree, nodes).reshape(-1, h.mesh.count, len(nodes))[:, interval]
-            data[k] = np.vstack([data[k], averaging(h, degree), inside.transpose(2, 0, 1).reshape(-1, len(interval))])
+            data[k] = np.vstack([data[k], averaging(h, degree, seen.ahead), inside.transpose(2, 0, 1).reshape(-1, len(interval))])
     target = np.concatenate([h.target for h in pieces.horizons]).T
     std = np.concatenate([np.broadcast_to(h.target_std, h.target.shape) for h in pieces.horizons]).T
     there = np.isfinite(target)

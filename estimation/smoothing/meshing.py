@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from backsight.ocp import Horizon, Mesh
 from backsight.ocp.follow import MET, Followed, follow
 from backsight.ocp.linear import Linear, direct_share, driven_outputs, fastest_rate, left_out_of_outputs, linearise, without_followers
+from backsight.ocp.pieces import direct
 
 from ..problem import Problem
 from ..recordings.outliers import screened
@@ -25,6 +27,7 @@ STEPS_UNSEEN = 0.02  # of an output's noise: what a step of the input may move b
 STEPS_FOLLOWED = 1.0  # the same where samples are but followed
 LOOKED_AT = 40  # places of a recording where the model is linearised
 DIRECT = 0.02  # share of a reading's noise that may be a force that enters it at once before the mesh has its knots at the samples
+FELT = 0.9  # of the places stay below what is felt at the others: a body that mostly sticks feels nothing there
 UNFELT = 0.02  # of what all samples together resolve: residual forces that move every output by less are none
 
 
@@ -114,7 +117,7 @@ def mesh(
         span = float(recording.time[-1] - recording.time[0])
         resolved = np.sqrt(density / span)  # what the mean of all samples of an output tells
         # of a force of std one, over what can be felt
-        felt = np.max(driven_outputs(places, span) / resolved[:, None], axis=0)
+        felt = np.max(driven_outputs(places, span, FELT) / resolved[:, None], axis=0)
         felt = np.maximum(felt, _felt_as_noise(places, density, len(recording.time)))
         rigid_here = bool(np.all(felt * std < UNFELT))
         least = np.minimum(least, np.where(felt > 0, 1.0 / np.where(felt > 0, felt, 1.0), least))
@@ -123,11 +126,22 @@ def mesh(
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, finest * dt, longest * dt))
         made = make_horizon(problem.dae, recording, table, problem.start, step or own)
         if at_once and step is None:
-            # a reading and the motion share a white force where it is the mean over one interval (`ocp/pieces.py`)
-            made = replace(made, mesh=Mesh(horizon.time))
+            made = replace(made, mesh=_at_readings(problem, horizon, soft, LONGEST * own))
         horizons.append(made if step else _split_at_steps(problem, made, places, table, degree, STEPS_UNSEEN))
         rigid &= rigid_here
     return Meshed(horizons=horizons, rigid=rigid, least_std={k: float(s) for k, s in zip(soft, least, strict=True) if np.isfinite(s)})
+
+
+def _at_readings(problem: Problem, horizon: Horizon, soft: Sequence[int], longest: float) -> Mesh:
+    """Knots where outputs are read that white forces enter at once, unless these are further apart than `longest` [s]: then in all rows.
+
+    A reading and the motion share such a force where it is the mean over one interval (`ocp/pieces.py`).
+    """
+    rows = sorted(set(direct(problem.dae, soft)[1].sparsity().row()))
+    read = np.any(np.isfinite(horizon.target[:, rows]), axis=1)
+    read[[0, -1]] = True
+    knots = horizon.time[read]
+    return Mesh(knots if np.max(np.diff(knots)) <= longest else horizon.time)
 
 
 def _felt_as_noise(places: Linear, density: Array, samples: int) -> Array:

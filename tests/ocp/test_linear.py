@@ -168,16 +168,35 @@ def test_a_step_of_the_input_inside_an_interval_moves_an_accelerometer_by_its_fu
     np.testing.assert_allclose(moved[:, 0], [0.0, 3.0 / M], atol=1e-14)
 
 
+def horizon(knots: np.ndarray, time: np.ndarray, target: np.ndarray) -> Horizon:
+    return Horizon(
+        mesh=Mesh(knots),
+        time=time,
+        inputs=np.zeros((len(time), 0)),
+        target=target,
+        target_std=np.ones(target.shape),
+        initial=np.zeros(2),
+        initial_std=np.ones(2),
+    )
+
+
+def test_a_sensor_slower_than_the_rows_averages_over_its_own_interval():
+    """Rows every 0.1 s, of one output every one has a sample, of the other every fourth: variances 1/0.1 and 1/0.4."""
+    time = np.arange(9) * 0.1
+    target = np.ones((9, 2))
+    target[np.arange(9) % 4 > 0, 1] = np.nan
+    c = averaging(horizon(time[::4], time, target), 3, [0, 1]).reshape(2, 3, 9)
+    np.testing.assert_allclose(np.sum(c**2, axis=1) / 0.4, np.tile([[10.0], [2.5]], 9), rtol=1e-12)
+    # the slow one's mean over a whole interval is its first moment
+    np.testing.assert_allclose(c[1][:, ::4], np.tile([[1.0], [0.0], [0.0]], 3), atol=1e-12)
+
+
 def test_a_sensor_that_a_force_enters_at_once_reads_its_mean_over_a_sampling_interval():
     time = np.arange(5) * 0.1
     for knots in (time, time[::2], np.arange(9) * 0.05):
-        empty = np.zeros((5, 0))
-        h = Horizon(
-            mesh=Mesh(knots), time=time, inputs=empty, target=empty, target_std=empty + 1, initial=np.zeros(2), initial_std=np.ones(2)
-        )
-        c = averaging(h, 3)
+        c = averaging(horizon(knots, time, np.ones((5, 1))), 3, [0])
         # moments of a white force of density one are independent with variance 1/h, its mean over 0.1 s has variance 1/0.1
-        np.testing.assert_allclose(np.sum(c**2, axis=0) / h.mesh.steps[0], 10.0, rtol=1e-12)
+        np.testing.assert_allclose(np.sum(c**2, axis=0) / np.diff(knots)[0], 10.0, rtol=1e-12)
         if len(knots) == 5:
             np.testing.assert_allclose(c, np.tile([[1.0], [0.0], [0.0]], 5), atol=1e-12)
         if len(knots) == 3:

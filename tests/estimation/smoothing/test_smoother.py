@@ -305,6 +305,33 @@ def test_a_white_force_that_an_accelerometer_reads_is_estimated_as_by_a_dense_ga
         assert np.max(np.abs(r[name] - truth) / spread) < 0.02
 
 
+def test_an_accelerometer_slower_than_the_rows_tells_what_it_tells_in_rows_of_its_own():
+    """Under a white force; the rows between its samples hold nothing but an input that stays as it is."""
+    rng, per, n, h, force, noise = np.random.default_rng(1), 50, 200, 2e-4, 0.3, 0.05
+    A, B, _ = PLANT.matrices
+    phi, gamma = truths.discrete(A, B, h)
+    u, w = np.repeat(drive(n, 0.01, 3), per), force / np.sqrt(h) * rng.normal(size=n * per)
+    x, states = np.zeros(2), np.empty((n * per, 2))
+    for k in range(n * per):
+        states[k] = x
+        x = phi @ x + gamma @ [u[k] + w[k], 1.0]
+    pushed = w.reshape(n, per).mean(axis=1)
+    read = (u[::per] - OFFSET - D * states[::per, 1] - K * states[::per, 0] + pushed) / M + noise * rng.normal(size=n)
+    position = states[::per, 0] + STD * rng.normal(size=n)
+    found = []
+    for every in (per, per // 10):
+        rows, share = np.arange(0, (n - 1) * per + 1, every), per // every
+        y = {"x": np.full(len(rows), np.nan), "a": np.full(len(rows), np.nan)}
+        y["x"][::share], y["a"][::share] = position, read
+        recording = Recording(name="run", time=h * rows, inputs={"F": u[rows]}, outputs=y, output_std={"x": STD, "a": noise})
+        free = {"mass.m": Free(M), "spring.k": Free(K), "damper.d": Free(D), "offset.f": OFFSET}
+        found.append(smooth(Problem(model=compiled(shaken()), recordings=[recording], parameters=free, weights=Weights(W={"mass": force}))))
+    for own, between in zip(*([p for p in s.parameters.values() if not p.fixed] for s in found), strict=True):
+        assert between.value == pytest.approx(own.value, abs=0.02 * own.std), own.name
+        assert between.std == pytest.approx(own.std, rel=0.01), own.name
+    assert found[1].fit["run"]["a"].prediction_rms == pytest.approx(1.0, abs=4 / np.sqrt(2 * n))
+
+
 def test_an_accelerometer_sees_the_steps_of_the_input_at_once_and_weighs_the_mass_whatever_its_guess():
     run = with_accelerometer(0.0, 0.05)
     problem = Problem(
