@@ -63,7 +63,7 @@ class RoundedFriction(Component):
         return {"velocity": equal(c.v, c.der(c.flange.s)), "friction": law(c.flange.f, c.f_c * ca.tanh(c.v / c.width))}
 
 
-def _on_mass(name: str, drive: Component, spring: Component, outputs: dict[str, str], extra: dict[str, Component] | None = None) -> Model:
+def on_mass(name: str, drive: Component, spring: Component, outputs: dict[str, str], extra: dict[str, Component] | None = None) -> Model:
     """A mass with what is named, at the ground; the two-flanged elements are fixed there by flange_b."""
     parts = {
         "motor": drive,
@@ -88,28 +88,28 @@ def _on_mass(name: str, drive: Component, spring: Component, outputs: dict[str, 
 
 def oscillator() -> Model:
     """m v' = F - d v - k s - offset, position measured: linear, with places at the mass and nothing else."""
-    return _on_mass("oscillator", Force(), Spring(k=K), {"x": "sensor.s"})
+    return on_mass("oscillator", Force(), Spring(k=K), {"x": "sensor.s"})
 
 
 def lagged() -> Model:
     """The oscillator behind an actuator of first order, position and velocity measured: one equation is exact whatever the weights."""
-    return _on_mass("lagged", LaggedForce(), Spring(k=K), {"x": "sensor.s", "v": "speed.v"})
+    return on_mass("lagged", LaggedForce(), Spring(k=K), {"x": "sensor.s", "v": "speed.v"})
 
 
 def shaken() -> Model:
     """The oscillator with an accelerometer beside the position sensor: what acts on the mass enters its reading at once."""
-    return _on_mass("shaken", Force(), Spring(k=K), {"x": "sensor.s", "a": "shaker.a"}, {"shaker": AccelerationSensor()})
+    return on_mass("shaken", Force(), Spring(k=K), {"x": "sensor.s", "a": "shaker.a"}, {"shaker": AccelerationSensor()})
 
 
 def shaken_hard() -> Model:
     """The same with a stiffening spring and friction: what its sensor reads at once is not linear."""
     extra = {"shaker": AccelerationSensor(), "friction": RoundedFriction()}
-    return _on_mass("shaken_hard", Force(), StiffeningSpring(), {"x": "sensor.s", "a": "shaker.a"}, extra)
+    return on_mass("shaken_hard", Force(), StiffeningSpring(), {"x": "sensor.s", "a": "shaker.a"}, extra)
 
 
 def stiffening() -> Model:
     """Actuator lag, an algebraic deflection, rounded friction: nonlinear, position and velocity measured."""
-    return _on_mass("stiffening", LaggedForce(), StiffeningSpring(), {"x": "sensor.s", "v": "speed.v"}, {"friction": RoundedFriction()})
+    return on_mass("stiffening", LaggedForce(), StiffeningSpring(), {"x": "sensor.s", "v": "speed.v"}, {"friction": RoundedFriction()})
 
 
 def soft_drive() -> Model:

@@ -2,7 +2,9 @@
 
 Weights that the base problem leaves open are chosen again, so what the candidate explains leaves the residual forces. It starts where the
 base model arrived (`smoothing/begun.py`), but for friction that may hold a body of which no output tells: a model without it never holds
-that body, and no small steps lead from there to one that sticks. Such a fit is started as that of any study.
+that body, and no small steps lead from there to one that sticks. Such a fit is started as that of any study. On a body that no output
+shows no candidate has more of a residual force than the model without it, which it holds: where weights have several ends, that of large
+forces would explain for it, or against it.
 """
 
 from __future__ import annotations
@@ -163,7 +165,10 @@ def fitted(
         weighed = now if settings.weigh else with_weights_of(begin, now)
         if candidate.dear:
             settings = replace(settings, finest=max(settings.finest, _fineness(problem, begin)))
-        if not (settings.weigh or anew):
+        if settings.weigh:
+            unseen = hidden(problem)
+            settings = replace(settings, most={name: std for name, std in force_stds(begin).items() if name in unseen})
+        elif not anew:
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)

@@ -6,6 +6,10 @@ single one, and neither is physics: of a law within another one, the richer woul
 both have such room at a place, the samples of the rests that either has there count for neither, by the prediction errors' densities given
 all samples before (`validation/innovations.py`). Against a model without, or with a law that holds a body by itself, rests count: that
 it stands still is what speaks for friction.
+
+Where both hold a body by the same law and the same room, what they differ in is elsewhere, and a rest tells of it all along: a bit that
+sticks for most of a record must not hide what rubs at the other end of the string. There only how they creep before the bit breaks away is
+no physics: a few stretches with hundreds of nats, which count for no more than LIMIT times what a stretch of a rest usually does.
 """
 
 from __future__ import annotations
@@ -19,12 +23,14 @@ from numpy.typing import NDArray
 
 from backsight.ocp import Solution
 
-from ..smoothing.rest import rows_with_room
+from ..smoothing.rest import rounded_signs, rows_with_room, strengths_at_rest
 from ..validation.innovations import innovations
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 PARTS, STRETCHES = 20, 5  # of a record, and of each of them, by which a gain's doubt is told
+LIMIT = 3.0  # times the median over the stretches with a rest
+ALIKE = 0.05  # relative difference of widths and rooms that are the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +51,7 @@ class Worth:
         more = self.nats - other.nats
         if not np.isfinite(other.nats) or not self.rests.keys() & other.rests.keys() or not self._comparable(other):
             return more
-        return more - float(np.sum((self._densities - other._densities)[self._shared_rests(other)]))
+        return more - float(np.sum(self._densities - other._densities - self._gained(other)))
 
     def doubt(self, other: Worth) -> float:
         """Standard deviation of that [nats], by how it is spread over the record; inf where nobody can tell.
@@ -56,19 +62,38 @@ class Worth:
         """
         if not self._comparable(other) or len(self._densities) < PARTS * STRETCHES:
             return np.inf
-        more = self._densities - other._densities
-        if self.rests.keys() & other.rests.keys():
-            more = np.where(self._shared_rests(other), 0.0, more)
-        sums = np.array([np.sum(part) for part in np.array_split(more, PARTS * STRETCHES)]).reshape(PARTS, STRETCHES)
+        sums = np.array([np.sum(part) for part in _stretches(self._gained(other))]).reshape(PARTS, STRETCHES)
         return float(np.sqrt(STRETCHES * np.sum(np.var(sums, axis=1, ddof=1))))
+
+    def _gained(self, other: Worth) -> Array:
+        """By how many nats every sample is likelier, (n,), as far as it counts."""
+        more = self._densities - other._densities
+        places = self.rests.keys() & other.rests.keys()
+        if not places:
+            return more
+        at_rest = np.any([self.rests[p] | other.rests[p] for p in places], axis=0)
+        apart = [self.rests[p] ^ other.rests[p] if self._holds_as(other, p) else self.rests[p] | other.rests[p] for p in places]
+        more = np.where(np.any(apart, axis=0), 0.0, more)
+        sums = np.array([np.sum(part) for part in _stretches(np.where(at_rest, more, 0.0))])
+        most = LIMIT * float(np.median(np.abs(sums[sums != 0]))) if np.any(sums) else 0.0
+        share = np.minimum(1.0, np.divide(most, np.abs(sums), out=np.ones(len(sums)), where=sums != 0))
+        of_each = np.repeat(share, [len(part) for part in _stretches(more)])
+        return np.where(at_rest, of_each * more, more)
+
+    def _holds_as(self, other: Worth, place: str) -> bool:
+        """Whether two models hold a body by the same law, and have the same room beside it."""
+        (own, room), (those, as_much) = self._at_rest(place), other._at_rest(place)
+        return own.keys() == those.keys() and all(_alike(own[name], those[name]) for name in own) and _alike(room, as_much)
+
+    def _at_rest(self, place: str) -> tuple[Mapping[str, float], float]:
+        """The rounded signs at a place, and the strength for which there is room."""
+        if self.solution is None:
+            return {}, 0.0
+        return rounded_signs(self.solution).get(place, {}), strengths_at_rest(self.solution).get(place, 0.0)
 
     def _comparable(self, other: Worth) -> bool:
         """Whether both have densities, of the same samples."""
         return len(self._densities) == len(other._densities) > 0
-
-    def _shared_rests(self, other: Worth) -> NDArray[np.bool_]:
-        """Samples that count for neither, (n,), of models that have some."""
-        return np.asarray(np.any([self.rests[p] | other.rests[p] for p in self.rests.keys() & other.rests.keys()], axis=0))
 
     @cached_property
     def rests(self) -> Mapping[str, NDArray[np.bool_]]:
@@ -88,6 +113,14 @@ class Worth:
         factors = None if self.factor == 1.0 else np.full(len(self.solution.transcription.soft), self.factor)
         found = innovations(self.solution, factors)
         return np.empty(0) if found is None else np.concatenate([run.log_densities.sum(axis=1) for run in found.horizons])
+
+
+def _stretches(values: Array) -> list[Array]:
+    return np.array_split(values, PARTS * STRETCHES)
+
+
+def _alike(one: float, other: float) -> bool:
+    return abs(one - other) <= ALIKE * max(abs(one), abs(other))
 
 
 NONE = Worth(nats=-np.inf, solution=None)

@@ -55,7 +55,8 @@ def notes(
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, residuals)
     shown, silent = shown_noise(problem), nothing_there(problem, run)
-    misled, doubts = too_sharp(problem, run, shown), contradictions(problem, run, shown)
+    misled = {which: said for which, said in too_sharp(problem, run, shown).items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
+    doubts = contradictions(problem, run, shown)
     return (
         *misled.values(),
         *_on_few(problem),
@@ -193,6 +194,12 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
                     "friction that sticks."
                 )
     return found
+
+
+def _borne_out(fit: OutputFit | None) -> bool:
+    """Whether samples are predicted as well as V and W promise: what alternates in them then is the answer to an input that does."""
+    white = fit is not None and fit.whiteness_p is not None and fit.whiteness_p >= DOUBT
+    return white and fit is not None and fit.prediction_rms is not None and fit.prediction_rms < OFF
 
 
 def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = ()) -> list[str]:

@@ -42,6 +42,7 @@ class Settings:
     without, residual forces have the share of their balances' forces that the start has found. marginal: whether parameters are those of
     most marginal likelihood in the end, not those most probable together with a trajectory. seconds: after which `OutOfTime` is raised.
     supposed: places of bodies that only a hypothesis has and no output shows: their residual forces stay small beside the forces there.
+    most: place of a body that no output shows -> std of its residual force that the model without the hypothesis has, and it needs no more.
     options: of the solver.
     """
 
@@ -55,6 +56,7 @@ class Settings:
     marginal: bool = True
     seconds: float = math.inf
     supposed: frozenset[str] = frozenset()
+    most: Mapping[str, float] = field(default_factory=dict)
     options: Options = field(default_factory=Options)
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -66,13 +67,28 @@ def friction_laws(problem: Problem) -> tuple[FrictionLaw, ...]:
         slope = ca.jacobian(dae.residual, dae.p[index])
         others = [i for i in fixed if i != index]
         slope = ca.substitute(slope, ca.vertcat(*(dae.p[i] for i in others)), numbers[others]) if others else slope
-        rows = [r for r in range(slope.shape[0]) if not ca.simplify(slope[r]).is_zero()]
-        carried = [e.place if e.shaped is None else e.shaped for r, e in enumerate(dae.equations) if r in rows]
-        places = tuple(int(k) for k in carried if k is not None)
+        places = _places(dae, slope)
         velocity = velocity_of(dae, component, index, slope) if places else None
         if velocity is not None:
             laws.append(FrictionLaw(width=index, velocity=velocity, places=places))
     return tuple(laws)
+
+
+def _places(dae: Dae, slope: Any) -> tuple[int, ...]:
+    """Whose balances a column of the residual's slope is in."""
+    rows = [r for r in range(slope.shape[0]) if not ca.simplify(slope[r]).is_zero()]
+    carried = [e.place if e.shaped is None else e.shaped for r, e in enumerate(dae.equations) if r in rows]
+    return tuple(int(k) for k in carried if k is not None)
+
+
+def rounded_signs(solution: Solution) -> dict[str, dict[str, float]]:
+    """Place -> name and value of the widths of the rounded signs in its balance."""
+    dae, found = solution.transcription.dae, dict[str, dict[str, float]]()
+    for index, parameter in enumerate(dae.parameters):
+        if parameter.smoothing and parameter.unit in VELOCITY_UNITS:
+            for place in _places(dae, ca.jacobian(dae.residual, dae.p[index])):
+                found.setdefault(dae.places[place].name, {})[parameter.name] = float(solution.parameters[index])
+    return found
 
 
 def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: Followed, unseen: Collection[int] = ()) -> dict[int, float]:

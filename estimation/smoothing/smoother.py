@@ -42,6 +42,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
 
 SUPPOSED = 0.5  # of the forces at a body that only a hypothesis has and no output shows: a larger residual force there explains for it
+WILD = 3.0  # of the forces at any body that no output shows: with a larger residual force the model says nothing about it
 
 
 def smooth(
@@ -136,15 +137,17 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         force_std = {k: begin.force_std.get(problem.dae.places[k].name, TIGHTEST / RIGID * least) for k, least in exact.items()}
         floor = {k: min(std, exact[k]) for k, std in force_std.items()}
         names = {k: problem.dae.places[k].name for k in hidden if k not in given}
-        new = [k for k, name in names.items() if name in settings.supposed or name not in begin.force_std]
-        ceiling = {k: SUPPOSED / RIGID * exact[k] for k in new}
+        new = {k for k, name in names.items() if name in settings.supposed or name not in begin.force_std}
+        ceiling = {k: (SUPPOSED if k in new else WILD) / RIGID * exact[k] for k in names}
     elif plain.free or unseen_states(plain):
         least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
         begun = approach(plain, followed, laws, start, least, say)
         followed, start, force_std = begun.followed, begun.parameters, begun.force_std
         floor = {k: RIGID * begun.whole[k] for k in force_std}
+        ceiling = {k: WILD * begun.whole[k] for k in hidden if k in force_std and k not in given}
     else:
         force_std = balance(plain, followed, start).force_std
+    ceiling = {k: min(most, settings.most.get(problem.dae.places[k].name, np.inf)) for k, most in ceiling.items()}
     if not settings.weigh:
         given = {**force_std, **given}
     along_it = plain if begin is None else problem  # what `followed` has the unknowns of

@@ -33,6 +33,7 @@ ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the
 FAR = 0.5  # of a deviation that the last steps moved a parameter: beyond, weights from the data are others there
 ALTERNATIONS = 4
 ROOMS = 3  # times that room near rest is given anew
+FLOORED = 1.01  # times its floor: a noise that lies there
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -95,6 +96,7 @@ class Work:
         if settings.step is None and _moved(choice, force_std):
             choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
         if not settings.hasty:
+            work, choice, stds = work.unfloored(choice, stds, meshed.least_std)
             choice, stds = work.given_room(choice, stds, meshed.least_std)
         checked = Checked(solution=choice.solution)
         if settings.check_mesh:
@@ -193,6 +195,27 @@ class Work:
         second = self.chosen(program, anew.least_std, now)
         return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
 
+    def unfloored(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Work, Choice, Stds]:
+        """The same with less noise than samples seem to show, where V came to lie at its floor and they are likelier with less.
+
+        What alternates as white noise does may be the answer to an input that steps at every sample.
+        """
+        lowest = [
+            choice.output_factor[h, i] * stds[h][q.name] <= FLOORED * self.noise[h, i]
+            for h, names in enumerate(self.open_outputs)
+            for i, q in enumerate(self.problem.dae.outputs)
+            if q.name in names
+        ]
+        if not any(lowest) or not choice.solution.solved.status.converged:
+            return self, choice, stds
+        self.say("less noise than the samples seem to show")
+        work, solution, now = replace(self, noise=np.zeros_like(self.noise)), choice.solution, self.in_force(stds, choice)
+        t = solution.transcription
+        second = work.chosen(work.from_there(choice, solution, _rated(t.horizons, choice), t.degree), least_std, now)
+        if not second.solution.solved.status.converged or _log_likelihood(second.solution) <= _log_likelihood(solution):
+            return self, choice, stds
+        return work, replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
+
     def given_room(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
         """The same with room where trajectories have come to rest, if they strain there without it."""
         for _ in range(ROOMS if self.laws else 0):
@@ -279,7 +302,8 @@ def _log_likelihood(solution: Solution) -> float:
     """Of the samples with these parameters, trajectories integrated out, but for a constant; -inf where nobody can tell."""
     n, size = solution.transcription.nlp.trajectory_size, solution.transcription.nlp.size
     found = innovations(replace(solution, solved=replace(solution.solved, on_bound=(*solution.solved.on_bound, *range(n, size)))))
-    return -np.inf if found is None else log_likelihood(found)
+    scale = solution.values.scale[solution.term("samples")]
+    return -np.inf if found is None else log_likelihood(found) + float(np.sum(np.log(scale[scale > 0])))
 
 
 def _by_place(choice: Choice, solution: Solution) -> dict[int, float]:

@@ -83,6 +83,32 @@ def test_a_gain_that_is_all_of_one_part_is_no_doubt(monkeypatch):
     assert one.doubt(none) == pytest.approx(0.3 * np.sqrt(n), rel=0.2)
 
 
+def told(monkeypatch: pytest.MonkeyPatch, room: float) -> tuple[float, float]:
+    """What counts of a gain of 60 nats all along 3000 of 4000 samples that rest, beside 200 in 40 of them; and all of it.
+
+    room: of the other model, over that of the one.
+    """
+    rng, n = np.random.default_rng(0), 4000
+    rests, steady = np.arange(n) < 3000, np.where(np.arange(n) < 3000, 0.02, 0.0) + 0.02 * rng.standard_normal(n)
+    burst = steady + np.where((np.arange(n) >= 1000) & (np.arange(n) < 1040), 5.0, 0.0)
+    monkeypatch.setattr(Worth, "rests", {"bit": rests})
+    monkeypatch.setattr(Worth, "_densities", property(lambda self: burst if self.nats else np.zeros(n)))
+    monkeypatch.setattr(Worth, "_at_rest", lambda self, _: ({"bit.width": 0.01}, 1.0 if self.nats else room))
+    one, none = Worth(nats=float(np.sum(burst)), solution=None), Worth(nats=0.0, solution=None)
+    return one.over(none), one.nats
+
+
+def test_a_rest_by_the_same_law_tells_what_acts_elsewhere_all_along_and_little_of_how_a_body_breaks_away(monkeypatch):
+    counts, whole = told(monkeypatch, room=1.0)
+    assert whole > 250.0
+    assert counts == pytest.approx(60.0, abs=10.0)
+
+
+def test_a_rest_by_another_law_tells_nothing(monkeypatch):
+    counts, _ = told(monkeypatch, room=2.0)
+    assert counts == pytest.approx(0.0, abs=3.0)
+
+
 def test_what_a_rest_tells_of_a_parameter_that_is_none_stays_its_price():
     """The record starts at rest, where a constant force beside friction is told already."""
     more = worth()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, K, M, _on_mass, compiled, oscillator
+from examples import OFFSET, K, M, on_mass, compiled, oscillator
 from scipy.optimize import minimize
 from studies import coverage
 
@@ -199,7 +199,7 @@ def test_what_the_data_do_not_tell_apart_keeps_no_other_parameter_from_its_place
     recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": STD})
     offset, damper = {"other.k": 1.0, "other.s_rel0": Free(0.0)}, {"other.d": Free(0.1)}
     for part, own in ((Spring(k=1.0), offset), (Damper(d=0.0), damper)):
-        model = compiled(_on_mass("o", Force(), Spring(k=K), {"x": "sensor.s"}, {"other": part}))
+        model = compiled(on_mass("o", Force(), Spring(k=K), {"x": "sensor.s"}, {"other": part}))
         result = smooth(Problem(model=model, recordings=[recording], parameters=GUESSES | own, weights=Weights(W={"mass": STRONG})))
         dampers = [result.parameters[name].value for name in ("damper.d", "other.d") if name in result.parameters]
         assert plain.std is not None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, D, K, M, _on_mass, compiled, lagged, oscillator
+from examples import OFFSET, D, K, M, on_mass, compiled, lagged, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
@@ -92,7 +92,7 @@ def test_where_all_is_determined_there_is_no_such_note():
 
 def test_of_many_unknowns_that_move_together_a_few_are_named():
     """A speed alone does not tell where the spring rests: that, and the start of every recording, move together."""
-    model = compiled(_on_mass("speed_only", Force(), Spring(k=K), {"v": "speed.v"}))
+    model = compiled(on_mass("speed_only", Force(), Spring(k=K), {"v": "speed.v"}))
     runs = [
         Recording(name=f"r{k}", time=r.time, inputs=r.inputs, outputs={"v": np.gradient(r.outputs["x"], 0.01)}, output_std={"v": 0.1})
         for k, r in enumerate(record(seed=k, n=60) for k in range(12))

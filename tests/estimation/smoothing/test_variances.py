@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, D, K, M, compiled, oscillator, shaken
+from examples import OFFSET, D, K, M, compiled, on_mass, oscillator, shaken
 from scipy.optimize import minimize_scalar
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.recordings.noise import noise
 from backsight.estimation.smoothing.program import Settings
 from backsight.models import Dae
+from backsight.models.mechanics.translational import Force, Spring
 
 PLANT, MODEL = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator())
 STD = 1e-3
@@ -178,3 +180,20 @@ def test_a_noise_far_from_the_models_own_is_mentioned(own, said):
     assert s.weights.V["x"] == pytest.approx(STD, rel=0.15)
     assert any("the model itself supposes" in note for note in s.notes) == said
     assert not any("the model itself supposes" in note for note in fitted(0, 0.3, "", model=model).notes)
+
+
+@pytest.mark.parametrize("given", [STD, None])
+def test_the_answer_to_an_input_that_steps_at_every_sample_is_no_noise(given):
+    """By themselves the samples show fifty times what the sensor has: with the model they do not."""
+    rng, n = np.random.default_rng(0), 1000
+    time, u = 0.01 * np.arange(n), 20 * np.sign(rng.standard_normal(n))
+    y = truths.disturbed(PLANT, time, u, np.zeros(2), 0.02, rng)[:, 1] + STD * rng.normal(size=n)
+    assert noise(time, y).least > 20 * STD
+    recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"v": y}, output_std={"v": given})
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": Free(1.2), "offset.f": OFFSET}
+    model = compiled(on_mass("oscillator", Force(), Spring(k=K), {"v": "speed.v"}))
+    s = smooth(Problem(model=model, recordings=[recording], parameters=free, weights=Weights(W={"mass": 0.02})))
+    assert s.weights.V["v"] == pytest.approx(STD, rel=4 / np.sqrt(2 * n))
+    assert s.fit["run"]["v"].prediction_rms == pytest.approx(1.0, abs=4 / np.sqrt(2 * n))
+    assert not [note for note in s.notes if "samples have noise" in note]
+    assert abs(s.parameters["mass.m"].value - M) < 4 * s.parameters["mass.m"].std
