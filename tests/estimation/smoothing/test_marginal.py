@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, K, M, on_mass, compiled, oscillator
+from examples import OFFSET, K, M, compiled, on_mass, oscillator
 from scipy.optimize import minimize
 from studies import coverage
 

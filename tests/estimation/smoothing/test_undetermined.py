@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import truths
-from examples import OFFSET, D, K, M, on_mass, compiled, lagged, oscillator
+from examples import OFFSET, D, K, M, compiled, lagged, on_mass, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
