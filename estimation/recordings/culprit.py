@@ -61,6 +61,14 @@ def first_bad_cell(text: str, columns: Mapping[str, int], missing: Sequence[str]
     return None
 
 
+def line_of_row(text: str, row: int) -> int:
+    """The line where a row begins, counted from 1; rows count from 0, below the header."""
+    reader = csv.reader(io.StringIO(text, newline=""))
+    for _ in range(row + 1):
+        next(reader)
+    return reader.line_num + 1
+
+
 def _is_number(cell: str) -> bool:
     try:
         float(cell)

@@ -21,7 +21,7 @@ import numpy as np
 from backsight.models.errors import InputError, suggestion
 
 from ..wording import quoted
-from .culprit import Blame, first_bad_cell, first_uneven_row
+from .culprit import Blame, first_bad_cell, first_uneven_row, line_of_row
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 MISSING = ("", "nan", "NaN", "NAN", "Nan", "-nan", "-NaN")
@@ -84,8 +84,9 @@ def _read_csv(data: bytes, wanted: list[str], label: str, packed: bool = False) 
     import pandas as pd
 
     text = _decoded(_unpacked(data, label, packed), label)
+    rest = io.StringIO(text, newline="")  # what follows the header, which takes several lines where a quoted name holds a line break
     try:
-        header = [cell.strip() for cell in next(csv.reader(io.StringIO(text, newline="")))]
+        header = [cell.strip() for cell in next(csv.reader(rest))]
     except (StopIteration, csv.Error):
         header = []
     if not any(header):
@@ -96,9 +97,8 @@ def _read_csv(data: bytes, wanted: list[str], label: str, packed: bool = False) 
         raise InputError(f"{label}, {uneven.where}: {uneven.value}; every row needs as many cells as the header")
     try:
         frame = pd.read_csv(
-            io.StringIO(text),
+            rest,
             header=None,
-            skiprows=_lines_of_header(text),
             usecols=indices,
             names=range(len(header)),
             dtype=np.float64,
@@ -113,7 +113,8 @@ def _read_csv(data: bytes, wanted: list[str], label: str, packed: bool = False) 
     except (ValueError, pd.errors.ParserError) as error:
         blame = first_bad_cell(text, dict(zip(wanted, indices, strict=True)), MISSING)
         raise InputError(f"{label}, {_accuse(blame)}" if blame else f"{label}: {error}") from None
-    return Table(columns={name: frame[i].to_numpy() for name, i in zip(wanted, indices, strict=True)}, row=lambda k: f"line {k + 2}")
+    columns = {name: frame[i].to_numpy() for name, i in zip(wanted, indices, strict=True)}
+    return Table(columns=columns, row=lambda k: f"line {line_of_row(text, k)}")
 
 
 def _unpacked(data: bytes, label: str, packed: bool) -> bytes:
@@ -144,13 +145,6 @@ def _decoded(data: bytes, label: str) -> str:
         byte = data[error.start]
         raise InputError(f"{label}, line {line}: byte 0x{byte:02x} is not UTF-8; save the file with the encoding UTF-8") from None
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
-
-
-def _lines_of_header(text: str) -> int:
-    """Lines that the header takes: more than one when a quoted name holds a line break."""
-    reader = csv.reader(io.StringIO(text, newline=""))
-    next(reader)
-    return reader.line_num
 
 
 def _indices(header: list[str], wanted: list[str], label: str) -> list[int]:

@@ -71,6 +71,7 @@ def test_a_csv_file_is_read_to_the_last_digit(tmp_path):
         text().replace(b"x_m", b'"x_m"'),
         text(SOUND.assign(note="a, b", other="text")[["note", "x_m", "other", "t_s", "F_N"]]),
         text(SOUND.assign(note="two\nlines")),
+        text(SOUND.assign(**{'a note\nof 3.5" discs\nand more': 1.0})),
     ],
     ids=[
         "CRLF",
@@ -81,6 +82,7 @@ def test_a_csv_file_is_read_to_the_last_digit(tmp_path):
         "quoted header",
         "other columns",
         "line breaks in cells",
+        "line breaks in the header",
     ],
 )
 def test_harmless_variants_of_csv_read_the_same(tmp_path, content):
@@ -257,6 +259,23 @@ def test_a_bad_cell_is_named_by_line_column_and_value(tmp_path, column, cell, wo
 def test_lines_are_counted_right_after_cells_with_line_breaks(tmp_path):
     content = b't_s,F_N,x_m,note\n0,1,1,"a\nb"\n1,1,off,c\n'
     refused(tmp_path, content, "line 4", "x_m", '"off"')
+    refused(tmp_path, content.replace(b"off", b"inf"), "line 4", "x_m", "inf")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b'"t\n[s]",F,x\n0,1,1\n1,1,off\n', ("line 4", '"x"', '"off"')),
+        (b'"t\n[s]",F,x\n0,1,1\n2,1,1\n1,1,1\n', ("line 5", "runs back from 2.0 to 1.0")),
+        (b'"t\n[s]",F,x\n0,1,1\n1,inf,1\n', ("line 4", "input F", "inf")),
+        (b'"t\n[s]",F,x\n0,1,1\n1,1,1,1\n', ("line 4", "4 cells")),
+    ],
+)
+def test_lines_are_counted_right_below_a_header_of_two_lines(tmp_path, content, words):
+    (tmp_path / "record.csv").write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        Recording.read(tmp_path / "record.csv", time="t\n[s]", inputs={"F": "F"}, outputs={"x": "x"})
+    assert all(word in str(caught.value) for word in words), caught.value
 
 
 @pytest.mark.parametrize(
