@@ -48,7 +48,8 @@ class Recording:
     role         "fit": to estimate from; "held_out": to test on
     gap          s: rows further apart are pieces, each fitted with a start of its own (None: 20 usual intervals, see `gaps.py`)
     drive        the inputs on a clock of their own, where they change between the rows (None: they change at the rows only)
-    part         0 for the recording itself and its first piece, 1 for what follows the first gap, ...
+    part         0 where it starts as a recording and for its first piece, 1 for what follows the first gap, ...; one that starts in the
+                 midst of another has 1 itself, and its pieces count on from there
 
     Raises InputError where time does not increase, a value is not finite, or lengths differ.
     """
@@ -197,7 +198,8 @@ class Recording:
         found = runs(self)
         if len(found) == 1:
             return (self,)
-        return tuple(self._piece(rows, part) for part, rows in enumerate(found) if rows.stop - rows.start > 1 and self._sampled(rows))
+        counted = enumerate(found, start=self.part)
+        return tuple(self._piece(rows, part) for part, rows in counted if rows.stop - rows.start > 1 and self._sampled(rows))
 
     def _sampled(self, rows: slice) -> list[str]:
         return [name for name, y in self.outputs.items() if np.isfinite(y[rows]).any()]
