@@ -41,7 +41,7 @@ class Recording:
     output_loss  name of an output -> "square" (where none is given), "huber" or "auto", see `OutputColumn`
     limits       name of an input -> least and greatest value that the actuator can do; commands beyond are cut off there
     open_delays  names of outputs that lag by an unknown time, or "inputs" if those act late: a free parameter `delay:<output>` or
-                 `delay:inputs`, one for all recordings
+                 `delay:inputs`, one for all recordings, which all have to name it
     advanced     such a name -> seconds by which its samples were moved back already
     hold         "zero": an input keeps its value until the next row; "linear": it runs straight to the next row's
     open_hold    whether smoothing may find out which of the two it is; `hold` serves all else

@@ -185,6 +185,25 @@ def test_recordings_share_the_delay():
     assert two.parameters["delay:x"].std < 0.85 * one.parameters["delay:x"].std
 
 
+@pytest.mark.parametrize("role", ["fit", "held_out"])
+def test_a_delay_that_one_recording_asks_for_and_another_does_not_is_refused(role):
+    asks, other = late(1, 0.03, name="late"), replace(late(2, 0.0, ask=False, name="sharp"), role=role)
+    for recordings in ([asks, other], [replace(other, role="fit"), replace(asks, role=role)]):
+        with pytest.raises(InputError, match=r'sharp: the delay of output x is not "estimate", and in late it is.*in both, or.*a number'):
+            Problem(model=MODEL, recordings=recordings, parameters=FREE)
+    with pytest.raises(InputError, match=r'sharp: the delay of inputs is not "estimate", and in late it is'):
+        Problem(model=MODEL, recordings=[replace(asks, open_delays=("inputs",)), other], parameters=FREE)
+
+
+def test_a_recording_without_the_output_need_not_ask_for_its_delay():
+    model = oscillator()
+    both = replace(model, outputs={**model.outputs, "v": "speed.v"})
+    asks = late(1, 0.03, name="late")
+    other = Recording(name="other", time=asks.time, inputs=asks.inputs, outputs={"v": np.gradient(asks.time)})
+    posed = Problem(model=both, recordings=[asks, other], parameters=FREE)
+    assert posed.parameters["delay:x"] == Free(0.0, min=0.0)
+
+
 def test_what_is_known_of_a_delay_beforehand_enters():
     s = fitted(late(1, 0.004), free={"delay:x": Free(0.001, std=1e-6)})
     assert s.parameters["delay:x"].value == pytest.approx(0.001, abs=1e-5)
