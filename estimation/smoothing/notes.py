@@ -376,11 +376,11 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
         if not recordings:
             continue
         said: dict[str, list[str]] = {}
+        given = [k for k in recordings if _noise_is_given(problem, k, q.name)]
+        told = [*given, *(k for k in recordings if q.name in run.open_outputs[k])]
         for k in recordings:
-            is_open = q.name in run.open_outputs[k]
-            given = q.name in problem.fitted[k].output_std or problem.weights.noise(q.name, problem.fitted[k].name) is not None
-            rule = "as given" if given else "as elsewhere, for it is constant here"
-            if is_open:
+            rule = "as given" if k in given else f"as {'elsewhere' if told else 'the model supposes'}, for it is constant here"
+            if q.name in run.open_outputs[k]:
                 end = "" if run.choice.settled else "; it had not settled"
                 rule = f"from the samples' differences, then from what the fit leaves over{end}"
             said.setdefault(f"std {run.noise(k, q.name, i):.3g} {q.unit} {rule}", []).append(problem.fitted[k].title)
@@ -394,6 +394,12 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
                 f"{q.noise_std:.3g} {q.unit}: look at its residuals."
             )
     return found
+
+
+def _noise_is_given(problem: Problem, number: int, output: str) -> bool:
+    """Whether the recording or V says the noise of an output in a fitted recording, by its number."""
+    recording = problem.fitted[number]
+    return recording.output_std.get(output) is not None or problem.weights.noise(output, recording.name) is not None
 
 
 def _share_with_room(solution: Solution) -> float:

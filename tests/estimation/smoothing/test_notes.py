@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +11,11 @@ import truths
 from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
 from backsight.data import path
-from backsight.estimation import Free, Problem, Recording, Weights, smooth
+from backsight.estimation import Free, Problem, Recording, Settings, Weights, smooth
 from backsight.estimation.recordings.gaps import rates_note
 from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary
 from backsight.estimation.smoothing.notes import on_errors, on_residuals
+from backsight.models import Dae
 from backsight.models.plants import actuator
 
 REMEDY = "acts there. Stated deviations take it for white and may be too small; with"
@@ -189,6 +191,24 @@ def test_fewer_numbers_than_deviations_mean_anything_for_are_counted():
     assert any(n.startswith("Only 9 numbers were measured for 4 unknowns, 2 parameters and 2 first values") for n in few)
     enough = smooth(Problem(model=MODEL, recordings=[whole], parameters=free, weights=Weights(W={"mass": 0.02}))).notes
     assert not any("numbers were measured for" in n for n in enough)
+
+
+def test_the_noise_of_an_output_that_is_constant_somewhere_is_said_to_be_given_only_where_it_is():
+    moves = replace(axis_run(0, 0.02), output_std={})
+    still = replace(moves, name="still", time=moves.time[:100], inputs={"F": np.zeros(100)}, outputs={"x": np.full(100, -0.014)})
+    free = {"mass.m": PLANT.m, "spring.k": Free(45.0), "damper.d": PLANT.d, "offset.f": PLANT.offset}
+
+    def said(*recordings: Recording, model: Dae = MODEL) -> str:
+        posed = Problem(model=model, recordings=recordings, parameters=free, weights=Weights(W={"mass": 0.02}))
+        (note,) = [n for n in smooth(posed, settings=Settings(check_mesh=False, marginal=False)).notes if n.startswith("V of x")]
+        return note
+
+    assert re.search(
+        r"from the samples' differences, .* \(run\); std \S+ m as elsewhere, for it is constant here \(still\)", said(moves, still)
+    )
+    assert re.search(r"std 0\.002 m as given \(still\)", said(moves, replace(still, output_std={"x": 0.002})))
+    sensor = replace(MODEL, outputs=tuple(replace(q, noise_std=1e-4) for q in MODEL.outputs))
+    assert said(still, model=sensor) == "V of x: std 0.0001 m as the model supposes, for it is constant here."
 
 
 @pytest.mark.parametrize("times", [5.0, 20.0])
