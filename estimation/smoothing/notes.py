@@ -93,6 +93,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *_on_dead_inputs(problem),
+        *_on_ranges(problem),
         *outlier_notes(problem, solution, {}),
         *_on_structure(problem),
         *on_explaining(problem.posed, run, residuals),
@@ -250,11 +251,6 @@ def _chance(p: float) -> str:
 
 def _on_the_start(problem: Problem, run: Run) -> list[str]:
     dae, found = problem.dae, []
-    for info in dae.parameters:
-        given = problem.parameters.get(info.name)
-        if isinstance(given, Free) and (-np.inf < given.min < info.minimum or info.maximum < given.max < np.inf):
-            own = f"{info.minimum:g} and {info.maximum:g} {info.unit}"
-            found.append(f"{info.name}: its own bounds, {own}, are narrower than those given, and hold.")
     parameters = run.choice.solution.parameters
     for i, info in enumerate(dae.parameters):
         if info.smoothing and info.name not in problem.parameters and parameters[i] != info.value:

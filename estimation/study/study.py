@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, nextafter
+from math import inf, isfinite, nextafter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -171,7 +171,9 @@ class Study:
         parameters: dict[str, Free | float] = {}
         for name, entry in self.file.parameters.items():
             if isinstance(entry, FreeParameter):
-                low, high = max(entry.min, info[name].minimum), min(entry.max, info[name].maximum)
+                # bounds that the study leaves out are the physical ones; those beyond them stay, for a note to say that they do not hold
+                low = entry.min if isfinite(entry.min) else info[name].minimum
+                high = entry.max if isfinite(entry.max) else info[name].maximum
                 parameters[name] = Free(float(entry.guess), low, high, entry.std, entry.drift, entry.per_recording)
             else:
                 parameters[name] = float(entry)

@@ -144,12 +144,6 @@ def test_rows_a_thousand_times_as_far_apart_are_told_with_the_remedy_and_other_r
     assert rates_note([near, far]) is None
 
 
-def test_bounds_wider_than_a_parameters_own_are_told():
-    free = {"mass.m": Free(2.2, -5.0, 1e3), "spring.k": Free(45.0), "damper.d": Free(1.0), "offset.f": Free(0.0, min=-1e3)}
-    notes = smooth(Problem(model=MODEL, recordings=[axis_run(0, 0.02)], parameters=free)).notes
-    assert [n.split(":")[0] for n in notes if "narrower than those given" in n] == ["mass.m"]
-
-
 def notes_of(recording: Recording, **damper: float) -> list[str]:
     free = {"mass.m": PLANT.m, "spring.k": Free(45.0), "damper.d": Free(PLANT.d, **damper), "offset.f": PLANT.offset}
     return list(smooth(Problem(model=MODEL, recordings=[recording], parameters=free)).notes)
@@ -162,9 +156,9 @@ def test_an_input_that_is_nothing_in_every_row_is_named():
     assert not [note for note in notes_of(driven) if "in every row" in note]
 
 
-def test_bounds_that_the_physics_does_not_allow_are_named():
-    (told,) = (note for note in notes_of(axis_run(0, 0.02), min=-50.0, max=90.0) if "beyond its physical" in note)
-    assert told.startswith("damper.d: min = -50 is beyond its physical 0")
+def test_bounds_that_the_physics_does_not_allow_are_named_once():
+    (told,) = (note for note in notes_of(axis_run(0, 0.02), min=-50.0, max=90.0) if "damper.d" in note)
+    assert told == "damper.d: min = -50 is beyond its physical 0 N.s/m, which holds."
 
 
 def test_parameters_of_another_size_than_their_guesses_ask_for_the_units():

@@ -86,6 +86,14 @@ def test_bounds_that_are_left_out_are_the_physical_ones(folder):
     assert problem.parameters["friction.d"].min == 0.0
 
 
+def test_bounds_beyond_the_physical_ones_arrive_as_given_so_that_a_note_can_tell(folder):
+    problem = study(folder, swap("min = 1.0", "min = -3.0", swap("guess = 100,", "guess = 100, max = 1e4,"))).problem()
+    assert problem.parameters["carriage.m"] == Free(80.0, min=-3.0, max=1e3)
+    assert problem.parameters["friction.d"] == Free(100.0, min=0.0, max=1e4, std=20.0)
+    mass = [p.name for p in problem.dae.parameters].index("carriage.m")
+    assert problem.parameter_range(mass) == (0.0, 1e3)
+
+
 @pytest.mark.parametrize(
     "encoded", [STUDY.replace("\n", "\r\n").encode(), b"\xef\xbb\xbf" + STUDY.encode()], ids=["CRLF", "byte order mark"]
 )
