@@ -159,7 +159,7 @@ class Study:
         initial: dict[str, float | Known] = dict(self.initial())
         tables = {name: entry for name, entry in self.file.initial.items() if isinstance(entry, InitialTable)}
         initial |= {name: Known(entry.value, entry.std) for name, entry in tables.items()}
-        self._check_states("bounds", self.file.bounds)
+        self._check_bounds()
         recordings = self.recordings
         fitted = [recording for recording in recordings if recording.role == "fit"]
         if not fitted:
@@ -220,10 +220,23 @@ class Study:
                 raise InputError(
                     f'{self._at("parameters", name)}: "{name}" {said}: it cannot be {"below" if value < low else "above"} {bound} {unit}'
                 )
+            if isinstance(entry, FreeParameter) and not max(entry.min, low) < min(entry.max, high):
+                bound = f"max = {number(entry.max)}" if value == low else f"min = {number(entry.min)}"
+                rule = f"{bound} leaves nothing but {number(value)} {unit} of its physical range, {number(low)} .. {number(high)}"
+                raise InputError(f'{self._at("parameters", name)}: "{name}": {rule}; give that as a bare number, or another bound')
 
     def _check_states(self, table: str, names: Iterable[str]) -> None:
         for name in names:
             self._known(name, [q.name for q in self.dae.states], table, name, what="state")
+
+    def _check_bounds(self) -> None:
+        self._check_states("bounds", self.file.bounds)
+        initial = self.initial()
+        for name, entry in self.file.bounds.items():
+            if name in initial and not entry.min <= initial[name] <= entry.max:
+                where = f'{self._at("bounds", name)}: bounds, "{name}"'
+                bound = f"min = {number(entry.min)}" if initial[name] < entry.min else f"max = {number(entry.max)}"
+                raise InputError(f"{where}: its initial value {number(initial[name])} lies outside ({bound}); move one of them")
 
     def _weights(self) -> Weights:
         from ..problem import Weights, noise_names
