@@ -14,6 +14,9 @@ from .schema import StudyFile
 
 Path = Sequence[str | int]
 
+_STRING_OR_COMMENT = re.compile(r'''("""|'{3}).*?\1|"(?:\\.|[^"\\\n])*"|'[^'\n]*'|#[^\n]*''', re.DOTALL)
+_AFTER_A_KEY = re.compile(r"[ \t]*[=.\]]")
+
 _RULES = {
     "float_type": "a number is wanted",
     "int_type": "a whole number (an integer) is wanted",
@@ -86,7 +89,7 @@ def line_of(text: str, path: Path) -> int | None:
 
     TOML's parser keeps no positions, so the keys are looked for one after the other, each from where the last one stood.
     """
-    lines = [line.split("#")[0] if '"' not in line else line for line in text.splitlines()]
+    lines = _without_values(text).splitlines()
     at, table = 0, ""
     found: int | None = None
     for part in path:
@@ -104,6 +107,15 @@ def line_of(text: str, path: Path) -> int | None:
             at = hits[0]
         found = at + 1
     return found
+
+
+def _without_values(text: str) -> str:
+    """A TOML text without its comments and without strings that are no keys, every line where it was."""
+
+    def kept(found: re.Match[str]) -> str:
+        return found[0] if _AFTER_A_KEY.match(text, found.end()) else "\n" * found[0].count("\n")
+
+    return _STRING_OR_COMMENT.sub(kept, text)
 
 
 def _known_keys(path: Path) -> list[str]:

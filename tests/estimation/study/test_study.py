@@ -368,6 +368,24 @@ def test_the_line_of_a_key_is_found_where_it_stands():
     assert line_of(text, ["weights"]) is None
 
 
+@pytest.mark.parametrize(
+    "above",
+    [
+        '# "carriage.m" is told, see [parameters]\n',
+        "# 'carriage.m' = 1, parameters\n",
+        'model = "a # b" # [parameters] "carriage.m"\n',
+        'model = "parameters carriage.m"\n',
+        "model = 'C:\\parameters carriage.m'\n",
+        'model = "a\\"parameters carriage.m"\n',
+        'model = """\nparameters\n# carriage.m """\n',
+    ],
+)
+def test_neither_a_comment_nor_a_value_is_taken_for_a_key(above):
+    text = above + '[parameters]\n"friction.d" = 1.0 # "carriage.m" = 2\n"carriage.m" = { guess = 1.0 }\n'
+    assert line_of(text, ["parameters", "carriage.m"]) == above.count("\n") + 3
+    assert line_of(text, ["parameters", "friction.d"]) == above.count("\n") + 2
+
+
 def test_a_row_on_which_one_range_ends_and_another_begins_belongs_to_the_later(folder):
     two = RECORDING.replace("role", "range = [0.0, 1.0]\nrole") + "\n" + RECORDING.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
     fitted, held_out = study(folder, swap(RECORDING, two)).recordings
