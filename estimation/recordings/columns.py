@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from backsight.models.errors import InputError
+from backsight.models.errors import InputError, suggestion
 
 from ..wording import number
 
@@ -44,6 +44,25 @@ class OutputColumn(InputColumn):
     unit: str | None = None
     delay: float | Literal["estimate"] = field(default=0.0, kw_only=True)
     loss: Loss = "square"
+
+
+def sensor_columns(outputs: Mapping[str, str | OutputColumn], std: Mapping[str, float], label: str) -> dict[str, OutputColumn]:
+    """The columns of outputs, with the deviations that are given beside them.
+
+    Raises InputError for a deviation of what is no output, one that is given twice, or a column of another kind.
+    """
+    for name in std:
+        if name not in outputs:
+            raise InputError(f"{label}: std of {name!r}: no such output is read; {suggestion(name, outputs)}")
+    found = {}
+    for name, column in outputs.items():
+        if not isinstance(column, (str, OutputColumn)):
+            raise InputError(f"{label}: the column of output {name} is {column!r}; give its name, or OutputColumn(name, unit=..., std=...)")
+        own = OutputColumn(column) if isinstance(column, str) else column
+        if name in std and own.std is not None:
+            raise InputError(f"{label}: std of {name} is given twice, {std[name]} and in its OutputColumn {own.std}; leave one out")
+        found[name] = replace(own, std=std[name]) if name in std else own
+    return found
 
 
 def check_limits(limits: Mapping[str, tuple[float, float]], inputs: Iterable[str], label: str) -> None:

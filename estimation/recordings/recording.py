@@ -15,10 +15,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from backsight.models.errors import InputError, suggestion
+from backsight.models.errors import InputError
 
 from ..wording import number
-from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, check_limits, cut, late_inputs
+from .columns import LOSSES, InputColumn, Loss, OutputColumn, check_delay, check_limits, cut, late_inputs, sensor_columns
 from .delay import sampled
 from .drive import Drive
 from .gaps import runs
@@ -119,7 +119,7 @@ class Recording:
         """The recording in a csv, csv.gz, parquet, mat or MDF (mf4) file.
 
         time, inputs, outputs   columns of the file; inputs and outputs by the name of the model's signal (MDF: names of channels)
-        std      standard deviations of outputs that are given as bare column names, SI
+        std      standard deviations of outputs whose column says none, SI
         range    keep the rows from range[0] to range[1], seconds of the recorded time
         every    of those rows keep rows 0, every, 2 every, ...; between them the inputs act as recorded
         hold     see above; "auto": as smoothing finds by the evidence of both
@@ -132,14 +132,11 @@ class Recording:
         path = Path(path)
         label = name or path.name
         clock = InputColumn(time) if isinstance(time, str) else time
-        for k, c in (*inputs.items(), *outputs.items()):
-            if not isinstance(c, (str, InputColumn, OutputColumn)):
-                raise InputError(f"{label}: the column of {k} is {c!r}; give its name, or OutputColumn(name, unit=..., std=...)")
+        for k, c in inputs.items():
+            if not isinstance(c, (str, InputColumn)):
+                raise InputError(f"{label}: the column of input {k} is {c!r}; give its name, or InputColumn(name, unit=...)")
         drives = {k: InputColumn(c) if isinstance(c, str) else c for k, c in inputs.items()}
-        for k in std or {}:
-            if k not in outputs:
-                raise InputError(f"{label}: std of {k!r}: no such output is read; {suggestion(k, outputs)}")
-        sensors = {k: OutputColumn(c, std=(std or {}).get(k)) if isinstance(c, str) else c for k, c in outputs.items()}
+        sensors = sensor_columns(outputs, std or {}, label)
         wanted = [c.column for c in (*drives.values(), *sensors.values())]
         check_word(hold, ("zero", "linear", "auto"), where=f"{label}: hold")
         between: Literal["zero", "linear"] = "linear" if hold == "linear" else "zero"

@@ -164,6 +164,11 @@ def test_columns_are_converted_to_the_units_of_the_model(tmp_path, unit, expecte
     assert recording.output_std == {"x": 1e-5}
 
 
+def test_a_deviation_may_stand_beside_a_column_that_says_none(tmp_path):
+    recording = read(tmp_path, text(), outputs={"x": OutputColumn("x_m", unit="mm"), "y": "x_m"}, std={"x": 1e-6})
+    assert recording.output_std == {"x": 1e-6, "y": None}
+
+
 def test_inputs_and_the_time_may_have_units_too(tmp_path):
     recording = read(tmp_path, text(SOUND.assign(t_s=1e3 * T)), time=InputColumn("t_s", "ms"), inputs={"F": InputColumn("F_N", "kN")})
     np.testing.assert_allclose(recording.time, T, atol=1e-15)
@@ -364,6 +369,10 @@ def test_a_missing_file_names_its_nearest_neighbour_and_a_folder_is_no_recording
         ({"hold": "cubic"}, ("hold", '"cubic"', '"linear"')),
         ({"role": "training"}, ("role", '"training"', '"held_out"')),
         ({"std": {"x": -1.0}}, ("std", "x", "-1.0")),
+        ({"outputs": {"x": InputColumn("x_m", "mm")}}, ("column of output x is InputColumn", "OutputColumn(name")),
+        ({"outputs": {"x": 3}}, ("column of output x is 3", "OutputColumn(name")),
+        ({"inputs": {"F": 3}}, ("column of input F is 3", "InputColumn(name")),
+        ({"outputs": {"x": OutputColumn("x_m", std=1e-5)}, "std": {"x": 1e-6}}, ("std of x is given twice", "1e-06", "1e-05")),
         ({"outputs": {"x": OutputColumn("x_m", delay=-0.1)}}, ("delay", "-0.1")),
         ({"outputs": {"x": OutputColumn("x_m", delay=7.0)}}, ("delay", "1.995")),
     ],
