@@ -154,7 +154,8 @@ class Problem:
         _check("parameters", self.parameters, [p.name for p in dae.parameters], "parameter", dae)
         places = [p.name for p in dae.places]
         _check("weights.W", self.weights.W, [*places, *supposed.relaxable(dae)], "place", dae)
-        _check("weights.V", noise_names(self.weights.V, dae), [q.name for q in (*dae.outputs, *dae.inputs)], "output or input", dae)
+        noisy = {name: None for name, _ in noise_names(self.weights.V, dae).values()}
+        _check("weights.V", noisy, [q.name for q in (*dae.outputs, *dae.inputs)], "output or input", dae)
         _check("weights.tau", self.weights.tau, places, "place", dae)
         for name in self.weights.tau:
             if name not in self.weights.W:
@@ -294,13 +295,14 @@ class Problem:
         return np.array([given.get(p.name, p.value) for p in self.dae.parameters], dtype=np.float64)
 
 
-def noise_names(V: Iterable[str], dae: Dae) -> dict[str, str]:
-    """The outputs and inputs that V names; "<output> [<recording>]" names the output."""
-    outputs = [q.name for q in dae.outputs]
-    found = {}
+def noise_names(V: Iterable[str], dae: Dae) -> dict[str, tuple[str, str | None]]:
+    """What every name in V means: an output or input, and the recording where it is "<output> [<recording>]", else None."""
+    outputs = {q.name for q in dae.outputs}
+    found = dict[str, tuple[str, str | None]]()
     for name in V:
-        output, bracket, _ = name.partition(" [")
-        found[output if bracket and name.endswith("]") and output in outputs else name] = name
+        output, bracket, recording = name.partition(" [")
+        of_one = bracket and name.endswith("]") and output in outputs
+        found[name] = (output, recording[:-1]) if of_one else (name, None)
     return found
 
 

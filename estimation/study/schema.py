@@ -108,7 +108,7 @@ class Weight(Part):
 
 
 class WeightTable(Part):
-    """`[weights]`: W per place, V per output or input."""
+    """`[weights]`: W per place, V per output, "<output> [<recording>]" or input."""
 
     W: dict[str, Weight] = {}
     V: dict[str, Weight] = {}

@@ -246,8 +246,10 @@ class Study:
         places = [p.name for p in (*self.dae.places, *self.dae.dormant_places)]
         for name in table.W:
             self._known(name, [*places, *relaxable(self.dae)], "weights", "W", name, what="place")
-        for name, key in noise_names(table.V, self.dae).items():
+        for key, (name, recording) in noise_names(table.V, self.dae).items():
             self._known(name, [q.name for q in (*self.dae.outputs, *self.dae.inputs)], "weights", "V", key, what="output or input")
+            if recording is not None:
+                self._known(recording, map(self._name, self.file.recording), "weights", "V", key, what="recording")
         return Weights(
             W={name: weight.deviation for name, weight in table.W.items()},
             V={name: weight.deviation for name, weight in table.V.items()},
@@ -284,12 +286,16 @@ class Study:
         others = [other for other in self.file.recording if other.range and _same_file(self.path.parent, entry.file, other.file)]
         return nextafter(end, -inf) if any(other.range and other.range[0] == end for other in others) else end
 
-    def _recording(self, entry: RecordingTable) -> Recording:
+    def _name(self, entry: RecordingTable) -> str:
+        """What its recording is called: by its file, and by its range where that tells it from others of the same file."""
         files = [other.file for other in self.file.recording]
         span = f" [{number(entry.range[0])}, {number(entry.range[1])}]" if entry.range and files.count(entry.file) > 1 else ""
+        return entry.file + span
+
+    def _recording(self, entry: RecordingTable) -> Recording:
         return Recording.read(
             self.path.parent / entry.file,
-            name=entry.file + span,
+            name=self._name(entry),
             time=_input(entry.time),
             inputs={name: _input(column) for name, column in entry.inputs.items()},
             outputs={name: _output(column) for name, column in entry.outputs.items()},

@@ -113,6 +113,14 @@ def test_weights_are_standard_deviations_or_their_inverse_squares(folder):
     assert weights.V == {"x": 3e-6}
 
 
+def test_the_noise_of_one_recording_is_named_by_its_file_and_range(folder):
+    alone = study(folder, STUDY + '\n[weights]\nV = { "x [record.csv]" = { std = 3e-6 } }\n').problem()
+    assert alone.weights.noise("x", alone.recordings[0].name) == 3e-6
+    two = RECORDING.replace("role", "range = [0.0, 0.9]\nrole") + "\n" + RECORDING.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
+    parts = study(folder, swap(RECORDING, two) + '\n[weights]\nV = { "x [record.csv [1, 1.9]]" = { std = 3e-6 } }\n').problem()
+    assert [parts.weights.noise("x", r.name) for r in parts.recordings] == [None, 3e-6]
+
+
 def test_initial_values_and_the_horizon_are_read(folder):
     own = study(folder, STUDY + '\n[initial]\n"carriage.v" = 0.5\n\n[horizon]\nsamples = 50\n')
     assert own.problem().initial == {"carriage.v": 0.5}
@@ -244,6 +252,10 @@ def test_a_model_may_come_from_a_file_beside_the_study(folder):
         (STUDY + "\n[initial]\ncarriage.v = 2\n\n[bounds]\ncarriage.v = { max = 1.0 }\n", ("line 20", "value 2", "(max = 1)")),
         (STUDY + '\n[bounds]\n"carriage.x" = { min = 1.0 }\n', ("line 17", 'unknown state "carriage.x"')),
         (STUDY + '\n[weights]\nV = { "speed" = { std = 2.0 } }\n', ('output or input "speed"', "x")),
+        (
+            STUDY + '\n[weights]\nV = { "x [rec.csv]" = { std = 2.0 }, "x [record.csv]" = { std = 1.0 } }\n',
+            ("line 17", 'recording "rec.csv"'),
+        ),
         (STUDY + '\n[weights]\nV = { "x" = { std = 2.0, tau = 1.0 } }\n', ("tau", "white")),
         (STUDY + '\n[initial]\n"carriage.speed" = 0.0\n', ("line 17", 'state "carriage.speed"', "carriage.s")),
         (STUDY + "\n[horizon]\nsamples = -5\n", ("horizon", "samples", "-5")),
