@@ -20,7 +20,15 @@ def written_whole(path: Path) -> Iterator[IO[Any]]:
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
+        permit(Path(name), 0o666)
         os.replace(name, path)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def permit(path: Path, mode: int) -> None:
+    """Give what was made for its owner alone the permissions of any new file (`mode` 0o666) or folder (0o777), less the umask."""
+    mask = os.umask(0)
+    os.umask(mask)
+    path.chmod(mode & ~mask)

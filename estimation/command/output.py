@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from backsight.models.errors import InputError
 
+from ..whole_files import permit
 from .interrupt import check, held, written
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _existing(out: Path) -> Path:
 def _move(partial: Path, out: Path, base: Path) -> None:
     if base != out:
         out.parent.mkdir(parents=True, exist_ok=True)
-        partial.chmod(0o777 & ~_umask())
+        permit(partial, 0o777)
         partial.rename(out)
         return
     fresh = {path.name for path in partial.iterdir()}
@@ -104,12 +104,6 @@ def _move(partial: Path, out: Path, base: Path) -> None:
             for there, back in reversed(moves[:k]):
                 back.rename(there)
             raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _plain(value: Any) -> Any:

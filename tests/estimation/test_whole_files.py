@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from backsight.estimation.whole_files import written_whole
@@ -31,3 +33,15 @@ def test_what_is_cut_short_leaves_the_old_file_and_nothing_else(tmp_path, cut):
         cut_short()
     assert path.read_bytes() == b"old"
     assert [p.name for p in tmp_path.iterdir()] == ["state"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o027, 0o640), (0o077, 0o600)])
+def test_others_may_read_it_as_the_umask_says(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        with written_whole(tmp_path / "state") as file:
+            file.write(b"new")
+    finally:
+        assert os.umask(before) == mask
+    assert (tmp_path / "state").stat().st_mode & 0o777 == mode
