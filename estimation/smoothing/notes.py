@@ -120,7 +120,8 @@ def _on_few(problem: Problem) -> list[str]:
     """Fewer numbers than deviations mean anything for."""
     posed = problem.posed
     count = sum(int(np.isfinite(y).sum()) for piece in posed.fitted for y in piece.outputs.values())
-    starts = sum(len(posed.dae.states) - len(posed.known_exactly) for _ in posed.fitted)
+    certain = [start for start in posed.start.values() if start.std == 0]
+    starts = sum(len(posed.dae.states) - sum(piece.part == 0 or start.always for start in certain) for piece in posed.fitted)
     unknown = len(posed.free) + starts
     if count >= FEW * unknown:
         return []

@@ -11,7 +11,7 @@ import truths
 from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
 from backsight.data import path
-from backsight.estimation import Free, Problem, Recording, Settings, Weights, smooth
+from backsight.estimation import Free, Known, Problem, Recording, Settings, Weights, smooth
 from backsight.estimation.recordings.gaps import rates_note
 from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary
 from backsight.estimation.smoothing.notes import on_errors, on_residuals
@@ -185,6 +185,20 @@ def test_fewer_numbers_than_deviations_mean_anything_for_are_counted():
     assert any(n.startswith("Only 9 numbers were measured for 4 unknowns, 2 parameters and 2 first values") for n in few)
     enough = smooth(Problem(model=MODEL, recordings=[whole], parameters=free, weights=Weights(W={"mass": 0.02}))).notes
     assert not any("numbers were measured for" in n for n in enough)
+
+
+def test_first_values_of_states_are_unknown_after_a_gap_though_the_start_is_known():
+    whole, kept = axis_run(0, 0.02), np.r_[0:6, 500:505]
+    cut = replace(whole, time=whole.time[kept], inputs={"F": whole.inputs["F"][kept]}, outputs={"x": whole.outputs["x"][kept]}, gap=1.0)
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": PLANT.d, "offset.f": PLANT.offset}
+    known = {"mass.s": Known(0.0), "mass.v": Known(0.0, always=True)}
+    posed = Problem(model=MODEL, recordings=[cut], parameters=free, weights=Weights(W={"mass": 0.02}), initial=known)
+    # both are known of the first piece; of the second the velocity
+    few = smooth(posed, settings=Settings(check_mesh=False, marginal=False)).notes
+    assert not any("numbers were measured for" in n for n in few)  # 11 for 3
+    shorter = replace(posed, recordings=[replace(cut, outputs={"x": np.where(np.arange(11) % 3 == 1, np.nan, cut.outputs["x"])})])
+    few = smooth(shorter, settings=Settings(check_mesh=False, marginal=False)).notes
+    assert any(n.startswith("Only 7 numbers were measured for 3 unknowns, 2 parameters and 1 first values") for n in few)
 
 
 def test_the_noise_of_an_output_that_is_constant_somewhere_is_said_to_be_given_only_where_it_is():
