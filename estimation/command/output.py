@@ -90,8 +90,13 @@ def _move(partial: Path, out: Path, base: Path) -> None:
     if base != out:
         out.parent.mkdir(parents=True, exist_ok=True)
         permit(partial, 0o777)
-        partial.rename(out)
-        return
+        try:
+            partial.rename(out)
+            return
+        except OSError:
+            if not out.is_dir():
+                raise
+        # another run has made it meanwhile: what it wrote is exchanged as old results are
     fresh = {path.name for path in partial.iterdir()}
     former = partial / ".former"
     former.mkdir()

@@ -57,6 +57,32 @@ def write_new(target, *names):
             (folder / name).write_text("new")
 
 
+def test_of_two_runs_into_one_new_folder_the_one_that_ends_last_has_its_results_there(tmp_path):
+    out = tmp_path / "out"
+    with results_folder(out) as slow:
+        (slow / "result.json").write_text("slow")
+        (slow / "estimates.csv").write_text("slow")
+        with results_folder(out) as quick:
+            (quick / "result.json").write_text("quick")
+            (quick / "report.html").write_text("quick")
+        assert (out / "result.json").read_text() == "quick"
+    assert {path.name: path.read_text() for path in out.iterdir()} == {"result.json": "slow", "estimates.csv": "slow"}
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_file_that_takes_the_folders_name_meanwhile_is_left_alone(tmp_path):
+    out = tmp_path / "out"
+
+    def written_beside():
+        with results_folder(out):
+            out.write_text("mine")
+
+    with pytest.raises(InputError, match="cannot be written"):
+        written_beside()
+    assert out.read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
 def test_an_interrupt_among_the_renames_leaves_no_mixture(tmp_path, monkeypatch):
     for name in ("result.json", "estimates.csv", "report.html", "mine.txt"):
         (tmp_path / name).write_text("old")
