@@ -1,7 +1,14 @@
 """Innovations of an affine plant: the Kalman filter in its covariance form, with a gain that is kept once it has settled.
 
-e = y - C x - D u,   S = C P C' + R,   K = P C' S^-1
-x <- F (x + K e) + E u,   P <- F (P - K S K') F' + Q
+    e = y - C x - D u,   S = C P C' + R,   K = P C' S^-1
+    x <- F (x + K e) + E u,   P <- F (P - K S K') F' + Q
+
+From P = 0 on, P never falls, and no gain makes it smaller than the filter's own. So m samples after P_k, from which P_(k+1) followed,
+
+    P_k <= P_(k+m) <= P_k + sum_(j < m) A^j (P_(k+1) - P_k) A'^j,   A = F (I - K_k C),
+
+the right side being what the gain K_k makes of it when it is kept. It is kept where this adds too little to S until the last sample to
+matter: a filter that a weak force moves slowly has not arrived then, and states that no output shows, however unsure, do not count.
 """
 
 from __future__ import annotations
@@ -15,7 +22,8 @@ from scipy.signal import lfilter
 from .linear_plant import AffineStep
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-SETTLED = 1e-7  # relative change of S from sample to sample, over as many samples as the state has entries
+SETTLED = 1e-9  # share of S that a kept gain may add to it until the last sample
+FIRST, OFTEN = 8, 0.125  # samples after which the gain is asked for the first time, and share of those before after which again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +42,7 @@ def innovations(plant: AffineStep, y: Array, u: Array, Q: Array, R: Array, start
     complete = bool(np.all(np.isfinite(y)))
     x, P = start.copy(), np.zeros((nx, nx))
     e, L = np.zeros((n, ny)), np.tile(np.eye(ny), (n, 1, 1))
-    quiet, before = 0, np.full((ny, ny), np.inf)
+    ask = FIRST
     for k in range(n):
         there = np.isfinite(y[k])
         C = plant.C[there]
@@ -44,13 +52,22 @@ def innovations(plant: AffineStep, y: Array, u: Array, Q: Array, R: Array, start
         e[k, there] = y[k, there] - C @ x - direct[k, there]
         x = plant.F @ (x + gain @ e[k, there]) + forced[k]
         keep = np.eye(nx) - gain @ C
-        P = plant.F @ (keep @ P @ keep.T + gain @ R[np.ix_(there, there)] @ gain.T) @ plant.F.T + Q
-        if complete:
-            quiet = quiet + 1 if np.max(np.abs(S - before)) < SETTLED * np.max(np.abs(S)) else 0
-            before = S
-            if quiet > 2 * nx:
+        before, P = P, plant.F @ (keep @ P @ keep.T + gain @ R[np.ix_(there, there)] @ gain.T) @ plant.F.T + Q
+        if complete and k + 1 == ask:
+            if _growth(plant.F @ keep, P - before, C, L[k], n - k) < SETTLED:
                 return _settled(plant, y, forced, direct, x, gain, e, L, k + 1)
+            ask += max(FIRST, int(OFTEN * ask))
     return Innovations(e=e, L=L)
+
+
+def _growth(A: Array, change: Array, C: Array, L: Array, samples: int) -> float:
+    """Largest entry of L^-1 C (sum_(j < m) A^j change A'^j) C' L'^-1, m the power of two from `samples` on; inf where it overflows."""
+    count = 1
+    with np.errstate(over="ignore", invalid="ignore"):
+        while count < samples:
+            change, A, count = change + A @ change @ A.T, A @ A, 2 * count
+        added = C @ change @ C.T
+    return float(np.max(np.abs(np.linalg.solve(L, np.linalg.solve(L, added).T)))) if np.all(np.isfinite(added)) else np.inf
 
 
 def _settled(
