@@ -8,7 +8,7 @@ A missing sample of an output is NaN. Nothing is filtered, resampled or assumed 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -143,7 +143,7 @@ class Recording:
         table = read_table(path, clock.column, wanted, label=label, held={c.column: between for c in drives.values()})
 
         t = _time(table, clock, label)
-        rows = _kept_rows(t, range, every, label, clock.column)
+        inside, rows = _kept_rows(t, range, every, label, clock.column)
         converted: dict[str, Array] = {}
         limits = {k: c.limits for k, c in drives.items() if c.limits is not None}
         check_limits(limits, drives, label)
@@ -158,8 +158,9 @@ class Recording:
         for signal, delay in known.items():
             check_delay(delay, signal, t, label)
         columns = {k: f'column "{c.column}"' for k, c in (*drives.items(), *sensors.items())}
-        ours = {k: u[rows] for k, u in driven.items()}, {k: y[rows] for k, y in sensed.items()}
-        check_samples(label, t[rows], *ours, columns=columns, row=lambda k: table.row(int(rows[k])))
+        for chosen in (inside,) if every == 1 else (inside, rows):  # inputs act between the kept rows too, outputs are needed on these
+            ours = {k: u[chosen] for k, u in driven.items()}, {k: y[chosen] for k, y in sensed.items()}
+            check_samples(label, t[chosen], *ours, columns=columns, row=_called(table, chosen))
         rows_kept, pushed, read, drive = sampled(t, rows, driven, sensed, known, between, gap)
         noise = {k: c.std for k, c in sensors.items()}
         loss = {k: c.loss for k, c in sensors.items()}
@@ -239,8 +240,13 @@ def _time(table: Table, clock: InputColumn, label: str) -> Array:
     return t
 
 
-def _kept_rows(t: Array, span: Sequence[float] | None, every: int, label: str, column: str) -> np.ndarray:
-    """Indices of the rows inside `span`, of which one in `every` is kept."""
+def _called(table: Table, rows: np.ndarray) -> Callable[[int], str]:
+    """What to call the k-th of these rows in a message."""
+    return lambda k: table.row(int(rows[k]))
+
+
+def _kept_rows(t: Array, span: Sequence[float] | None, every: int, label: str, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the rows inside `span`, and of those that are kept, one in `every`."""
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InputError(f"{label}: every is {every}; it is a whole number from 1 on (1 keeps every row)")
     rows = np.arange(t.size)
@@ -254,4 +260,4 @@ def _kept_rows(t: Array, span: Sequence[float] | None, every: int, label: str, c
     kept = rows[::every]
     if kept.size < 2:
         raise InputError(f"{label}: every = {every} leaves one row of {rows.size}; make it smaller")
-    return kept
+    return rows, kept

@@ -141,6 +141,19 @@ def test_a_bad_input_value_outside_the_range_does_no_harm(tmp_path):
     refused(tmp_path, spoiled(150, 1, "nan"), "line 150", "F_N", range=(0.5, 1.0))
 
 
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize(("place", "value"), [(1, "nan"), (1, ""), (2, "inf")])
+def test_a_bad_value_is_one_whether_its_row_is_kept_or_not(tmp_path, every, place, value):
+    """Between the rows that are kept the inputs act as recorded, so there has to be a record of them."""
+    assert read(tmp_path, spoiled(5, place, value), range=(0.5, 1.0), every=every).time.size == -(-101 // every)
+    refused(tmp_path, spoiled(156, place, value), "line 156", range=(0.5, 1.0), every=every)
+
+
+def test_an_output_of_which_no_kept_row_has_a_sample_is_named(tmp_path):
+    thin = text(SOUND.assign(x_m=SOUND["x_m"].where(np.arange(T.size) % 10 == 5)))
+    refused(tmp_path, thin, 'column "x_m"', "no number in any row", every=10)
+
+
 @pytest.mark.parametrize(
     ("unit", "expected", "factor"),
     [
