@@ -30,7 +30,7 @@ from ..results import ParameterEstimate
 from ..validation.fit import output_fit
 from ..wording import listed
 from .result import Baseline
-from .sampling import complete_output, uniform_step
+from .sampling import complete_output, row_inputs, uniform_step
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 ITERATIONS = 100
@@ -162,7 +162,10 @@ def select_orders(
 def series(
     recording: Recording, output: str, inputs: Sequence[str] | None, orders: Orders, method: str
 ) -> tuple[Array, Array, tuple[str, ...], float]:
-    """y (n,), u (nu, n), the inputs' names and the step [s] of a recording that a difference equation can be fitted to."""
+    """y (n,), u (nu, n), the inputs' names and the step [s] of a recording that a difference equation can be fitted to.
+
+    Inputs that change between the rows count by their mean from row to row.
+    """
     step = uniform_step(recording, method)
     y = complete_output(recording, output, method)
     names = tuple(recording.inputs) if inputs is None else tuple(inputs)
@@ -174,7 +177,7 @@ def series(
         raise InputError(
             f"{recording.name}: {len(y)} samples are too few for {count} coefficients over {orders.lag} samples; lower the orders."
         )
-    return y, np.array([recording.inputs[name] for name in names]).reshape(len(names), len(y)), names, step
+    return y, row_inputs(recording, names)[0], names, step
 
 
 def regressors(y: Array, u: Array, orders: Orders) -> Array:

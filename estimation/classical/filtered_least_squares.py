@@ -31,6 +31,7 @@ import scipy.signal
 from backsight.models.errors import InputError
 
 from ..problem import Problem
+from ..recordings.drive import Hold
 from ..wording import listed
 from .balances import linear_balances
 from .measured_states import Filter, Filtered, Motion, motion
@@ -136,7 +137,7 @@ def _decimated(F: Array, slope: Array, factor: int) -> tuple[Array, Array]:
     return kept[:, :, 0], kept[:, :, 1:]
 
 
-def _zero_phase(signals: Array, inputs: Array, step: float, hold: str, *, cutoff: float, poles: int, inputs_too: bool) -> Filtered:
+def _zero_phase(signals: Array, inputs: Array, hold: Hold, step: float, *, cutoff: float, poles: int, inputs_too: bool) -> Filtered:
     """Forward and back; an input that is held acts, seen around a sample, as the mean of the values before and after it."""
     rows = _inner(signals.shape[1], step, cutoff, poles)
     sections = scipy.signal.butter(poles, cutoff, fs=1 / step, output="sos")
@@ -153,7 +154,7 @@ def _zero_phase(signals: Array, inputs: Array, step: float, hold: str, *, cutoff
     return Filtered(signals=f[:, rows], first=first[:, rows], second=second[:, rows], inputs=u[:, rows], rows=rows)
 
 
-def _state_variable(signals: Array, inputs: Array, step: float, hold: str, *, cutoff: float, order: int) -> Filtered:
+def _state_variable(signals: Array, inputs: Array, hold: Hold, step: float, *, cutoff: float, order: int) -> Filtered:
     """A chain of lags from rest at the first sample, its transient left out; derivatives from the lags' own equations s F = c (F_- - F)."""
     c = 2 * np.pi * cutoff
     rows = slice(2 * _inner(signals.shape[1], step, cutoff, order).start, signals.shape[1])

@@ -11,8 +11,8 @@ Experimental Verification of Nonlinear System Model Parameter Identification Bas
 3.9 to 3.14).
 
 q, q', q'' are those of a Fourier series fitted to the samples: no filter, no differences, exact derivatives, noise averaged over the
-periods. A held input has the harmonics of its staircase. The deviations come from the scatter of the estimate between periods, whatever
-the colour of the noise; with fewer than three periods there are none.
+periods. A held input has the harmonics of its staircase, on its own clock where it changes between the rows. The deviations come from the
+scatter of the estimate between periods, whatever the colour of the noise; with fewer than three periods there are none.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ import numpy as np
 from backsight.models.errors import InputError
 
 from ..problem import Problem
+from ..recordings.drive import Hold, drive_of
 from ..recordings.recording import Recording
 from .balances import Balances, linear_balances
 from .measured_states import Filtered, motion
 from .result import Baseline, estimates, known_start, prior, simulated_fits
+from .sampling import uniform_step
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 FINER = 8  # points of a period for every harmonic that is kept
@@ -162,10 +164,10 @@ def _equations(
     grid = np.arange(FINER * max(kept, of_motion)) * period / (FINER * max(kept, of_motion))
     t = recording.time[rows] - begin
 
-    def series(signals: Array, inputs: Array, step: float, hold: str) -> Filtered:
+    def series(signals: Array, _inputs: Array, _hold: Hold, _step: float) -> Filtered:
         q = _coefficients(signals[:, rows], t, w, of_motion)
         place, rate, twice = (_rows(grid, w, of_motion, order) for order in (0, 1, 2))
-        u = _staircase(inputs[:, rows], t, step, w, kept) if hold == "zero" else _coefficients(inputs[:, rows], t, w, kept)
+        u = _driving(problem, recording, begin, end, slack, w, kept)
         return Filtered(
             signals=q @ place.T,
             first=q @ rate.T,
@@ -185,6 +187,16 @@ def _equations(
     large = size >= smallest * size.max(axis=0)
     start = {q.name: float(m.x[i, 0]) for i, q in enumerate(problem.dae.states) if np.any(m.x[i]) or np.any(m.dx[i])}
     return _Equations(M=M[large], E=E[large], first=int(rows[0]), start=known_start(problem) | start)
+
+
+def _driving(problem: Problem, recording: Recording, begin: float, end: float, slack: float, w: float, kept: int) -> Array:
+    """Fourier coefficients of the inputs, (nu, 2 kept + 1), from their values on their own clock, which may be faster than the rows."""
+    drive = drive_of(recording)
+    step = uniform_step(recording, "harmonic", drive.time)
+    there = (drive.time >= begin - slack) & (drive.time < end - slack)
+    values = np.array([drive.inputs[q.name][there] for q in problem.dae.inputs]).reshape(-1, int(there.sum()))
+    t = drive.time[there] - begin
+    return _staircase(values, t, step, w, kept) if recording.hold == "zero" else _coefficients(values, t, w, kept)
 
 
 def _rows(t: Array, w: float, number: int, order: int = 0) -> Array:

@@ -21,7 +21,7 @@ from ..validation.fit import output_fit
 from ..wording import listed
 from .kalman import Innovations, innovations
 from .linear_plant import AffineStep, affine
-from .sampling import model_inputs, uniform_step
+from .sampling import held_inputs, uniform_step
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 STEP = 1e-5  # of an unknown's size, for differences; working points are solved to 1e-12
@@ -40,11 +40,9 @@ class LinearPredictor:
         for r in problem.fitted:
             if set(r.outputs) != set(first.outputs):
                 raise InputError(f"{r.name}: zoh_prediction_error needs the same outputs in all recordings: {listed(self.names)}.")
-            if r.hold != "zero":
-                raise InputError(f'{r.name}: zoh_prediction_error holds its inputs over a step; use hold = "zero", or prediction_error.')
         self.steps = [uniform_step(r, "zoh_prediction_error") for r in problem.fitted]
         self.y = [np.column_stack([r.outputs[name] for name in self.names]) for r in problem.fitted]
-        self.u = [model_inputs(dae, r) for r in problem.fitted]
+        self.u = [held_inputs(dae, r, "zoh_prediction_error") for r in problem.fitted]
         stds = output_stds(problem)[0]
         self.noise = np.array([np.mean([s[name] for s in stds]) for name in self.names])
         # what is known of the start of a recording is not known of a piece after a gap

@@ -22,9 +22,10 @@ from backsight.models.errors import InputError
 from backsight.ocp.algebraic import algebraics_along
 
 from ..problem import Problem
+from ..recordings.drive import Hold
 from ..recordings.recording import Recording
 from ..wording import listed
-from .sampling import complete_output, model_inputs, uniform_step
+from .sampling import complete_output, row_inputs, uniform_step
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 NEWTON_STEPS = 20
@@ -45,7 +46,7 @@ class Filtered:
     rows: slice
 
 
-Filter = Callable[[Array, Array, float, str], Filtered]  # signals (m, n), inputs (nu, n), step [s], hold of the inputs
+Filter = Callable[[Array, Array, Hold, float], Filtered]  # signals (m, n), inputs (nu, n) and how they are held, step [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +142,7 @@ def motion(problem: Problem, recording: Recording, filtered: Filter, method: str
     dae, step = problem.dae, uniform_step(recording, method)
     shown = _shown(problem, recording, method)
     chosen = list(shown.chosen)
-    f = filtered(shown.x[chosen], model_inputs(dae, recording), step, recording.hold)
+    f = filtered(shown.x[chosen], *row_inputs(recording, [q.name for q in dae.inputs]), step)
     M = f.signals.shape[1]
     x, dx = np.zeros((dae.x.shape[0], M)), np.zeros((dae.x.shape[0], M))
     x[chosen], dx[chosen] = f.signals, f.first

@@ -35,7 +35,7 @@ from ..validation.fit import output_fit
 from ..wording import listed
 from .linear_plant import AffineStep, affine
 from .result import Baseline, estimates
-from .sampling import model_inputs, uniform_step
+from .sampling import held_inputs, uniform_step
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -106,8 +106,6 @@ def multiple_models(problem: Problem, *, modes: Mapping[str, Mapping[str, float]
             raise InputError(
                 f"multiple_models(dwell={dwell}): every mean time must be longer than the step of {recording.name}, {step:.4g} s."
             )
-        if recording.hold != "zero":
-            raise InputError(f'{recording.name}: multiple_models holds its inputs over a step; use hold = "zero".')
         jump = np.array([[1 - step / s if i == j else step / s / (len(names) - 1) for j in range(len(names))] for i, s in enumerate(stays)])
         tables[recording.name] = _followed(problem, recording, stds, names, [modes[name] for name in names], jump, step)
     return Modes(problem=problem, names=names, estimates=tables)
@@ -126,7 +124,7 @@ def _followed(
     outputs = [i for i, q in enumerate(dae.outputs) if q.name in recording.outputs]
     labels = [dae.outputs[i].name for i in outputs]
     y = np.column_stack([recording.outputs[name] for name in labels])
-    u = model_inputs(dae, recording)
+    u = held_inputs(dae, recording, "multiple_models")
     values = {
         p.name: float(v) for p, v in zip(dae.parameters, problem.values, strict=True) if not p.smoothing or p.name in problem.parameters
     }

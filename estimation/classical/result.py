@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from backsight.models import SolveError, Trajectory, simulate
+from backsight.models import SolveError, Trajectory
 from backsight.models.errors import InputError
 
 from ..problem import Problem
+from ..recordings.drive import run as run_under_inputs
 from ..recordings.recording import Recording
 from ..results import OutputFit, ParameterEstimate
 from ..validation.fit import output_fit
@@ -93,7 +94,7 @@ def bounds(problem: Problem) -> tuple[Array, Array]:
 def simulated(
     problem: Problem, recording: Recording, rows: slice, theta: Array, start: Mapping[str, float], rtol: float = 1e-10
 ) -> Trajectory:
-    """The plant with the free parameters at theta, under the recorded inputs of `rows`, from the states `start`.
+    """The plant with the free parameters at theta, at `rows`, under the inputs as they acted, from the states `start`.
 
     Rounded corners are sharp, as in every simulation, unless the problem names their width.
     """
@@ -102,15 +103,7 @@ def simulated(
     named = {
         p.name: float(v) for p, v in zip(problem.dae.parameters, values, strict=True) if not p.smoothing or p.name in problem.parameters
     }
-    return simulate(
-        problem.dae,
-        recording.time[rows],
-        {q.name: recording.inputs[q.name][rows] for q in problem.dae.inputs},
-        parameters=named,
-        initial=start,
-        hold=recording.hold,
-        rtol=rtol,
-    )
+    return run_under_inputs(problem.dae, recording, named, start, rows=rows, rtol=rtol)
 
 
 def simulated_fits(

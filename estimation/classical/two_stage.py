@@ -1,6 +1,6 @@
 """The two-stage method for recordings from a closed loop whose controller is unknown.
 
-    1   u(k) = sum_j s_j r(k - j) + rest       every input on the past of the references: a long FIR or ARX model
+    1   u(k) = sum_j s_j r(k - j) + rest       every input on the past of the references, on their clock: a long FIR or ARX model
         u^(k) = simulated from r alone         free of the noise that the controller feeds back
     2   the plant from u^ to y, by a method that needs an input that is not correlated with the noise
 
@@ -23,6 +23,8 @@ from scipy.signal import lfilter
 from backsight.models.errors import InputError, suggestion
 
 from ..problem import Problem
+from ..recordings.delay import between_rows
+from ..recordings.drive import Drive, drive_of
 from ..recordings.recording import Recording
 from .armax import Armax, Orders, armax
 from .prediction_error import prediction_error
@@ -61,14 +63,13 @@ def two_stage(
     recordings, said = [], []
     for recording in problem.fitted:
         _check(recording, references, own, order * len(references) * (1 if first == "fir" else 2))
-        simulated: dict[str, Column] = {}
-        rows = order
+        drive, simulated = drive_of(recording), dict[str, Column]()
         for name in own:
-            model = _first_stage(recording, name, references, order, first)
-            simulated[name] = _driven(model).ravel()
-            share = 1 - np.var(recording.inputs[name][rows:] - simulated[name][rows:]) / (np.var(recording.inputs[name][rows:]) or 1.0)
+            simulated[name] = _driven(_first_stage(recording.name, drive, name, references, order, first)).ravel()
+            recorded = drive.inputs[name][order:]
+            share = 1 - np.var(recorded - simulated[name][order:]) / (np.var(recorded) or 1.0)
             said.append(f"{name} of {recording.name} {100 * share:.1f} %")
-        recordings.append(_from_row(replace(recording, inputs=simulated), rows))
+        recordings.append(_with_inputs(recording, Drive(drive.time[order:], {name: u[order:] for name, u in simulated.items()})))
     held_out = [r for r in problem.recordings if r.role != "fit"]
     found = second(replace(problem, recordings=[*recordings, *held_out]))
     note = f"First stage ({first}, {order} coefficients): variance of the input that the references explain: {'; '.join(said)}."
@@ -76,7 +77,8 @@ def two_stage(
 
 
 def _check(recording: Recording, references: Sequence[str], own: Sequence[str], count: int) -> None:
-    uniform_step(recording, "two_stage")
+    clock = drive_of(recording).time
+    uniform_step(recording, "two_stage", clock)
     others = [name for name in recording.inputs if name not in own]
     for name in references:
         if name not in others:
@@ -84,23 +86,21 @@ def _check(recording: Recording, references: Sequence[str], own: Sequence[str], 
                 f"two_stage(references=..): {recording.name} has no reference {name!r} among its inputs beside those of the plant; "
                 f"{suggestion(name, others)}"
             )
-    if count > SHARE * len(recording.time):
+    if count > SHARE * len(clock):
         raise InputError(
-            f"{recording.name}: {len(recording.time)} samples are too few for a first stage of {count} coefficients; lower order, or use "
-            'first = "arx".'
+            f"{recording.name}: {len(clock)} samples of the inputs are too few for a first stage of {count} coefficients; lower order, or "
+            'use first = "arx".'
         )
 
 
-def _first_stage(recording: Recording, name: str, references: Sequence[str], order: int, first: str) -> Armax:
-    """The input as the output of a difference equation that the references drive."""
-    inputs = {r: recording.inputs[r] for r in references}
-    series = Recording(name=recording.name, time=recording.time, inputs=inputs, outputs={name: recording.inputs[name]})
+def _first_stage(title: str, drive: Drive, name: str, references: Sequence[str], order: int, first: str) -> Armax:
+    """The input as the output of a difference equation that the references drive, on the clock of both."""
+    inputs = {r: drive.inputs[r] for r in references}
+    series = Recording(name=title, time=drive.time, inputs=inputs, outputs={name: drive.inputs[name]})
     orders = Orders(na=0 if first == "fir" else order, nb=order, nk=0, offset=True)
     found = armax(series, output=name, orders=orders)
     if np.any(np.abs(np.roots(found.A)) >= 1.0):
-        raise InputError(
-            f'{recording.name}: the first stage for {name} is not stable with order = {order}; change it, or use first = "fir".'
-        )
+        raise InputError(f'{title}: the first stage for {name} is not stable with order = {order}; change it, or use first = "fir".')
     return found
 
 
@@ -115,11 +115,10 @@ def _driven(model: Armax) -> Array:
     return np.asarray(lfilter([1.0], model.A, drive, zi=start)[0] if past else drive, dtype=np.float64)
 
 
-def _from_row(recording: Recording, row: int) -> Recording:
-    """Without the rows before the first stage has its whole past."""
-    return replace(
-        recording,
-        time=recording.time[row:],
-        inputs={name: u[row:] for name, u in recording.inputs.items()},
-        outputs={name: y[row:] for name, y in recording.outputs.items()},
-    )
+def _with_inputs(recording: Recording, drive: Drive) -> Recording:
+    """Its rows from where these inputs begin, under them: the first stage has its whole past there."""
+    there = recording.time >= drive.time[0]
+    time, outputs = recording.time[there], {name: y[there] for name, y in recording.outputs.items()}
+    if recording.drive is None:
+        return replace(recording, time=time, inputs=drive.inputs, outputs=outputs)
+    return replace(recording, time=time, inputs=between_rows(drive, time, recording.hold), outputs=outputs, drive=drive)

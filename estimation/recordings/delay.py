@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .drive import Drive, Hold, acting, drive_of
+from .drive import Drive, Hold, acting, drive_of, means
 from .gaps import LONGEST, gap_limit, usual_step
 
 if TYPE_CHECKING:
@@ -106,11 +106,4 @@ def sampled(
 
 def between_rows(drive: Drive, rows: Array, hold: Hold) -> dict[str, Array]:
     """Inputs for those who know the rows only: held ones by their mean from row to row, as which they push alike."""
-    found = acting(drive, rows, hold)
-    if hold == "linear":
-        return found
-    edges = np.union1d(rows, drive.time[(drive.time > rows[0]) & (drive.time < rows[-1])])
-    width, owner = np.diff(edges), np.searchsorted(rows, edges[:-1], side="right") - 1
-    for name, u in acting(drive, edges[:-1], hold).items():
-        found[name][:-1] = np.bincount(owner, weights=u * width, minlength=len(rows) - 1) / np.diff(rows)
-    return found
+    return acting(drive, rows, hold) if hold == "linear" else means(drive, rows, hold)

@@ -49,21 +49,44 @@ def acting(drive: Drive, times: Array, hold: Hold) -> dict[str, Array]:
     return {name: u[row] for name, u in drive.inputs.items()}
 
 
-def run(dae: Dae, recording: Recording, parameters: Mapping[str, float], initial: Mapping[str, float]) -> Trajectory:
-    """The model simulated under the recording's inputs, at its rows."""
+def means(drive: Drive, rows: Array, hold: Hold) -> dict[str, Array]:
+    """The mean of the inputs from every row to the next, as which they push alike, (n,); at the last row what acts there."""
+    edges = np.union1d(rows, drive.time[(drive.time > rows[0]) & (drive.time < rows[-1])])
+    width, owner = np.diff(edges), np.searchsorted(rows, edges[:-1], side="right") - 1
+    found = {}
+    for name, u in acting(drive, edges, hold).items():
+        level = u[:-1] if hold == "zero" else (u[:-1] + u[1:]) / 2
+        found[name] = np.append(np.bincount(owner, weights=level * width, minlength=len(rows) - 1) / np.diff(rows), u[-1])
+    return found
+
+
+def run(
+    dae: Dae,
+    recording: Recording,
+    parameters: Mapping[str, float],
+    initial: Mapping[str, float],
+    *,
+    rows: slice = slice(None),
+    rtol: float = 1e-10,
+) -> Trajectory:
+    """The model simulated under the recording's inputs, at its rows or some that follow each other; rtol as of `simulate`."""
+    at = recording.time[rows]
+    times, inputs = at, {name: u[rows] for name, u in recording.inputs.items()}
+    if recording.drive is not None:
+        drive = drive_of(recording)
+        times = np.union1d(at, drive.time[(drive.time > at[0]) & (drive.time < at[-1])])
+        inputs = acting(drive, times, recording.hold)
+    own = {q.name: inputs[q.name] for q in dae.inputs if q.name in inputs}
+    found = simulate(dae, times, own, parameters=parameters, initial=initial, hold=recording.hold, rtol=rtol)
     if recording.drive is None:
-        return simulate(dae, recording.time, recording.inputs, parameters=parameters, initial=initial, hold=recording.hold)
-    drive = drive_of(recording)
-    inside = drive.time[(drive.time > recording.time[0]) & (drive.time < recording.time[-1])]
-    times = np.union1d(recording.time, inside)
-    found = simulate(dae, times, acting(drive, times, recording.hold), parameters=parameters, initial=initial, hold=recording.hold)
-    rows = np.searchsorted(times, recording.time)
+        return found
+    there = np.searchsorted(times, at)
 
     def kept(part: Mapping[str, Array]) -> dict[str, Array]:
-        return {name: values[rows] for name, values in part.items()}
+        return {name: values[there] for name, values in part.items()}
 
     return Trajectory(
-        t=recording.time,
+        t=at,
         states=kept(found.states),
         outputs=kept(found.outputs),
         algebraics=kept(found.algebraics),
