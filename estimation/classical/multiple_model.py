@@ -44,8 +44,9 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 class Modes:
     """Which mode was in force, and the states.
 
-    estimates: recording name -> one row per sample: t_s; the probability of every mode, `<mode>` from the samples up to then and
-    `<mode>.afterwards` from all of them; every state and `<state>.std` of the mixture; `<output>` predicted from the samples before.
+    estimates: recording name -> one row per sample, of those with gaps one piece after the other: t_s; the probability of every mode,
+    `<mode>` from the samples up to then and `<mode>.afterwards` from all of them, of the same piece; every state and `<state>.std` of the
+    mixture; `<output>` predicted from the samples before.
     """
 
     problem: Problem
@@ -64,14 +65,17 @@ class Modes:
         for name, table in self.estimates.items():
             parts = [f"{mode} {100 * float(table[f'{mode}.afterwards'].mean()):.0f} %" for mode in self.names]
             shares.append(f"{name}: {listed(parts)} of the time")
+        met: dict[str, dict[str, list[Array]]] = {}
+        for piece in self.problem.fitted:
+            table = self.estimates[piece.name]
+            rows = table[np.isin(table["t_s"], piece.time)]
+            for name, y in piece.outputs.items():
+                met.setdefault(piece.name, {}).setdefault(name, []).append(np.stack([y, rows[name]]))
         return Baseline(
             method="multiple_models",
             model=self.problem.dae.name,
             parameters=estimates(self.problem, self.problem.values[list(self.problem.free)], nothing),
-            fit={
-                r.name: {name: output_fit(y, self.estimates[r.name][name].to_numpy()) for name, y in r.outputs.items()}
-                for r in self.problem.fitted
-            },
+            fit={r: {name: output_fit(*np.hstack(parts)) for name, parts in outputs.items()} for r, outputs in met.items()},
             predicted="one step ahead",
             notes=(f"{'; '.join(shares)}. The parameters are those that were given.",),
         )
@@ -82,6 +86,8 @@ def multiple_models(problem: Problem, *, modes: Mapping[str, Mapping[str, float]
 
     modes  name -> states of its working point; inputs at their mean. At zero velocity a friction law sticks, at any other it slips
     dwell  mean time [s] that it stays in a mode, of all or by name
+
+    The pieces of a recording with gaps are followed each by itself, from modes that are equally probable.
 
     Noise: densities W of the problem's weights (none elsewhere), deviations of the outputs as given or from the samples. Raises InputError
     for unequal steps, unknown states, fewer than two modes, a dwell shorter than a step.
@@ -99,7 +105,7 @@ def multiple_models(problem: Problem, *, modes: Mapping[str, Mapping[str, float]
         if isinstance(dwell, Mapping) and name not in dwell:
             raise InputError(f"multiple_models(dwell=..): {name} has no mean time; give one for every mode, or one number for all.")
     stays = np.array([float(dwell[name] if isinstance(dwell, Mapping) else dwell) for name in names])
-    tables = {}
+    tables: dict[str, list[pd.DataFrame]] = {}
     for recording, stds in zip(problem.fitted, output_stds(problem)[0], strict=True):
         step = uniform_step(recording, "multiple_models")
         if np.any(~(stays > step)):
@@ -107,8 +113,9 @@ def multiple_models(problem: Problem, *, modes: Mapping[str, Mapping[str, float]
                 f"multiple_models(dwell={dwell}): every mean time must be longer than the step of {recording.name}, {step:.4g} s."
             )
         jump = np.array([[1 - step / s if i == j else step / s / (len(names) - 1) for j in range(len(names))] for i, s in enumerate(stays)])
-        tables[recording.name] = _followed(problem, recording, stds, names, [modes[name] for name in names], jump, step)
-    return Modes(problem=problem, names=names, estimates=tables)
+        found = _followed(problem, recording, stds, names, [modes[name] for name in names], jump, step)
+        tables.setdefault(recording.name, []).append(found)
+    return Modes(problem=problem, names=names, estimates={name: pd.concat(pieces, ignore_index=True) for name, pieces in tables.items()})
 
 
 def _followed(
@@ -138,7 +145,9 @@ def _followed(
     density = np.array([problem.weights.W.get(p.name, 0.0) for p in dae.places])
     R = np.diag([stds[name] ** 2 for name in labels])
     spread = np.array([(abs(q.nominal) + max(abs(float(p.get(q.name, 0.0))) for p in points)) ** 2 for q in dae.states])
-    start = np.array([problem.known_exactly.get(q.name, np.nan) for q in dae.states])
+    # after a gap only what always holds is known
+    known = {name: k.value for name, k in problem.start.items() if k.std == 0 and (recording.part == 0 or k.always)}
+    start = np.array([known.get(q.name, np.nan) for q in dae.states])
     x0 = [np.where(np.isnan(start), p.at, start) for p in plants]
     P0 = np.diag(np.where(np.isnan(start), spread, 0.0))
     run = _Filters(plants, [p.noise(density) for p in plants], R, jump, x0, P0)

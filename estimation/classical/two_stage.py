@@ -25,7 +25,9 @@ from backsight.models.errors import InputError, suggestion
 from ..problem import Problem
 from ..recordings.delay import between_rows
 from ..recordings.drive import Drive, drive_of
+from ..recordings.gaps import gap_limit
 from ..recordings.recording import Recording
+from ..wording import listed
 from .armax import Armax, Orders, armax
 from .prediction_error import prediction_error
 from .result import Baseline
@@ -51,7 +53,9 @@ def two_stage(
     first       "fir", or "arx" for loops that take longer to settle than `order` samples
     second      the method of the second stage; it must not model the noise (by itself prediction_error, which simulates)
 
-    Raises InputError for unequal steps, unknown references, an order too long for the recording or for what the reference excites.
+    Pieces between gaps have first stages of their own; those too short for one are left out. So is what is known of the start: the rows
+    there are the past of the first stage. Raises InputError for unequal steps, unknown references, an order too long for the recording or
+    for what the reference excites.
     """
     if not references:
         raise InputError("two_stage(references=[]): needs the name of at least one recorded reference; without one use prediction_error.")
@@ -60,25 +64,24 @@ def two_stage(
     if isinstance(order, bool) or not isinstance(order, int) or order < 1:
         raise InputError(f"two_stage(order={order!r}): needs a whole number from 1 on.")
     own = [q.name for q in problem.dae.inputs]
-    recordings, said = [], []
-    for recording in problem.fitted:
-        _check(recording, references, own, order * len(references) * (1 if first == "fir" else 2))
-        drive, simulated = drive_of(recording), dict[str, Column]()
-        for name in own:
-            simulated[name] = _driven(_first_stage(recording.name, drive, name, references, order, first)).ravel()
-            recorded = drive.inputs[name][order:]
-            share = 1 - np.var(recorded - simulated[name][order:]) / (np.var(recorded) or 1.0)
-            said.append(f"{name} of {recording.name} {100 * share:.1f} %")
-        recordings.append(_with_inputs(recording, Drive(drive.time[order:], {name: u[order:] for name, u in simulated.items()})))
+    recordings, said, short = list[Recording](), list[str](), list[str]()
+    for recording in (r for r in problem.recordings if r.role == "fit"):
+        _check(recording, references, own)
+        pieces = _long_enough(recording, order * len(references) * (1 if first == "fir" else 2))
+        short += sorted({piece.title for piece in recording.pieces} - {piece.title for piece in pieces})
+        parts = [_explained(piece, own, references, order, first) for piece in pieces]
+        said += [text for _, texts in parts for text in texts]
+        recordings.append(_joined(recording, [part for part, _ in parts]))
     held_out = [r for r in problem.recordings if r.role != "fit"]
-    found = second(replace(problem, recordings=[*recordings, *held_out]))
-    note = f"First stage ({first}, {order} coefficients): variance of the input that the references explain: {'; '.join(said)}."
-    return replace(found, method=f"two_stage, {found.method}", notes=(note, *found.notes))
+    always = {name: known for name, known in problem.start.items() if known.always}
+    found = second(replace(problem, recordings=[*recordings, *held_out], initial=always))
+    notes = [f"First stage ({first}, {order} coefficients): variance of the input that the references explain: {'; '.join(said)}."]
+    if short:
+        notes.append(f"Too short for a first stage, and left out: {listed(short)}.")
+    return replace(found, method=f"two_stage, {found.method}", notes=(*notes, *found.notes))
 
 
-def _check(recording: Recording, references: Sequence[str], own: Sequence[str], count: int) -> None:
-    clock = drive_of(recording).time
-    uniform_step(recording, "two_stage", clock)
+def _check(recording: Recording, references: Sequence[str], own: Sequence[str]) -> None:
     others = [name for name in recording.inputs if name not in own]
     for name in references:
         if name not in others:
@@ -86,11 +89,31 @@ def _check(recording: Recording, references: Sequence[str], own: Sequence[str], 
                 f"two_stage(references=..): {recording.name} has no reference {name!r} among its inputs beside those of the plant; "
                 f"{suggestion(name, others)}"
             )
-    if count > SHARE * len(clock):
+
+
+def _long_enough(recording: Recording, count: int) -> list[Recording]:
+    """The pieces whose inputs tell so many coefficients; raises InputError where none does."""
+    lengths = [len(drive_of(piece).time) for piece in recording.pieces]
+    if count > SHARE * max(lengths):
+        where = " between gaps" if len(lengths) > 1 else ""
         raise InputError(
-            f"{recording.name}: {len(clock)} samples of the inputs are too few for a first stage of {count} coefficients; lower order, or "
-            'use first = "arx".'
+            f"{recording.name}: {max(lengths)} samples of the inputs{where} are too few for a first stage of {count} coefficients; lower "
+            'order, or use first = "arx".'
         )
+    return [piece for piece, length in zip(recording.pieces, lengths, strict=True) if count <= SHARE * length]
+
+
+def _explained(
+    piece: Recording, own: Sequence[str], references: Sequence[str], order: int, first: Literal["fir", "arx"]
+) -> tuple[Recording, list[str]]:
+    """A piece from where its first stage has the whole past, under the inputs that the references explain, and how much that is."""
+    drive, inputs, said = drive_of(piece), dict[str, Column](), list[str]()
+    uniform_step(piece, "two_stage", drive.time)
+    for name in own:
+        inputs[name] = _driven(_first_stage(piece.title, drive, name, references, order, first)).ravel()[order:]
+        recorded = drive.inputs[name][order:]
+        said.append(f"{name} of {piece.title} {100 * (1 - np.var(recorded - inputs[name]) / (np.var(recorded) or 1.0)):.1f} %")
+    return _with_inputs(piece, Drive(drive.time[order:], inputs)), said
 
 
 def _first_stage(title: str, drive: Drive, name: str, references: Sequence[str], order: int, first: str) -> Armax:
@@ -116,9 +139,30 @@ def _driven(model: Armax) -> Array:
 
 
 def _with_inputs(recording: Recording, drive: Drive) -> Recording:
-    """Its rows from where these inputs begin, under them: the first stage has its whole past there."""
+    """Its rows from where these inputs begin, under them."""
     there = recording.time >= drive.time[0]
     time, outputs = recording.time[there], {name: y[there] for name, y in recording.outputs.items()}
     if recording.drive is None:
         return replace(recording, time=time, inputs=drive.inputs, outputs=outputs)
     return replace(recording, time=time, inputs=between_rows(drive, time, recording.hold), outputs=outputs, drive=drive)
+
+
+def _joined(recording: Recording, parts: Sequence[Recording]) -> Recording:
+    """The parts of a recording as one, in which they are pieces as before; of a single one its start is still no recording's."""
+    if len(parts) == 1:
+        return parts[0]
+    samples = [{name: np.full(len(part.time), np.nan) for name in recording.outputs} | dict(part.outputs) for part in parts]
+    drives = [part.drive for part in parts if part.drive is not None]
+    return replace(
+        recording,
+        time=np.concatenate([part.time for part in parts]),
+        inputs={name: np.concatenate([part.inputs[name] for part in parts]) for name in parts[0].inputs},
+        outputs={name: np.concatenate([outputs[name] for outputs in samples]) for name in recording.outputs},
+        gap=gap_limit(recording),
+        drive=_in_turn(drives) if drives else None,
+    )
+
+
+def _in_turn(drives: Sequence[Drive]) -> Drive:
+    inputs = {name: np.concatenate([d.inputs[name] for d in drives]) for name in drives[0].inputs}
+    return Drive(np.concatenate([d.time for d in drives]), inputs)

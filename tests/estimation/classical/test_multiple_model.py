@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from backsight.estimation import Problem, Recording, Weights
-from backsight.estimation.classical import multiple_models
+from backsight.estimation import Known, Problem, Recording, Weights
+from backsight.estimation.classical import Modes, multiple_models
 from backsight.models.errors import InputError
 from backsight.models.plants import drillstring
 
@@ -73,6 +73,37 @@ def test_where_nothing_jumps_the_right_mode_is_certain_and_the_fit_is_the_noise(
     base = modes.baseline()
     assert base.predicted == "one step ahead"
     assert all(p.fixed for p in base.parameters.values())
+
+
+def rows(run: Recording, chosen: np.ndarray, name: str) -> Recording:
+    inputs, outputs = ({k: v[chosen] for k, v in of.items()} for of in (run.inputs, run.outputs))
+    return Recording(name=name, time=run.time[chosen], inputs=inputs, outputs=outputs, output_std=run.output_std)
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_pieces_between_gaps_are_followed_as_recordings_of_their_own(always):
+    """After the gap the state that is known at the start is known only if it always is."""
+    run, stuck, _ = drilled(1, 1e-4, n=700)
+    k = np.arange(700)
+    before, after = k < 300, k >= 400
+    start = {"bha.omega": Known(0.0, always=always)}
+
+    def followed(recording: Recording, initial: dict[str, Known]) -> Modes:
+        problem = Problem(model=drillstring(), recordings=[recording], weights=WEIGHTS, initial=initial)
+        return multiple_models(problem, modes=MODES, dwell=3.0)
+
+    whole = followed(rows(run, before | after, "drill"), start)
+    first, second = (
+        followed(rows(run, chosen, "part"), initial).estimates["part"]
+        for chosen, initial in ((before, start), (after, start if always else {}))
+    )
+    np.testing.assert_allclose(whole.estimates["drill"].to_numpy(), np.vstack([first, second]), rtol=1e-9, atol=1e-9)
+    assert list(whole.estimates["drill"].columns) == list(first.columns)
+    assert np.mean((np.array(whole.most_probable("drill")) == "stick") == stuck[before | after]) > 0.9
+    fit = whole.baseline().fit["drill"]["I_m"]
+    error = np.concatenate([run.outputs["I_m"][c] - table["I_m"] for c, table in ((before, first), (after, second))])
+    assert fit.samples == 600
+    assert fit.rms == pytest.approx(np.sqrt(np.mean(error**2)))
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,43 @@ def test_without_noise_it_is_the_direct_method():
     assert prediction_error(problem).parameters["mass.m"].value == pytest.approx(M, rel=1e-4)
 
 
+def without(run: Recording, gone: np.ndarray) -> Recording:
+    inputs, outputs = ({name: values[~gone] for name, values in of.items()} for of in (run.inputs, run.outputs))
+    return Recording(name=run.name, time=run.time[~gone], inputs=inputs, outputs=outputs)
+
+
+def test_pieces_between_gaps_have_first_stages_of_their_own():
+    """A short one is left out; both long ones count in the fit, and the estimates are those of all the rows to what the lost ones tell."""
+    run, k = looped(3), np.arange(4000)
+    cut = without(run, (k >= 1500) & (k < 1600) | (k >= 1660) & (k < 1800))
+    found, whole = (
+        two_stage(Problem(model=CART, recordings=[r], parameters=FREE), references=["r"], order=20, second=OUTPUT_ERROR) for r in (cut, run)
+    )
+    assert found.fit["loop"]["v"].samples == 1500 + 2200 - 2 * 20
+    assert "F of loop from t = 90 s" in found.notes[0]
+    assert found.notes[1] == "Too short for a first stage, and left out: loop from t = 80 s."
+    for name in FREE:
+        assert found.parameters[name].value == pytest.approx(whole.parameters[name].value, rel=0.06)
+
+
+def test_where_every_piece_is_too_short_the_message_says_between_what():
+    run, k = looped(3, 600), np.arange(600)
+    with pytest.raises(InputError, match="loop: 200 samples of the inputs between gaps are too few for a first stage of 30 coefficients"):
+        two_stage(Problem(model=CART, recordings=[without(run, (k >= 200) & (k < 400))], parameters=FREE), references=["r"], order=30)
+
+
+def test_what_is_known_of_the_start_is_not_imposed_where_the_second_stage_begins():
+    """The cart starts from rest, and moves by the time that the first stage has its whole past."""
+    run = looped(5, 1000)
+    known, unknown = (
+        two_stage(Problem(model=CART, recordings=[run], parameters=FREE, initial=initial), references=["r"], order=20, second=OUTPUT_ERROR)
+        for initial in ({"mass.v": 0.0}, {})
+    )
+    assert known.fit["loop"]["v"].rms == pytest.approx(unknown.fit["loop"]["v"].rms, rel=1e-6)
+    for name in FREE:
+        assert known.parameters[name].value == pytest.approx(unknown.parameters[name].value, rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("how", "message"),
     [
