@@ -221,10 +221,20 @@ def _traces(curve: Curve, x_factor: float, y_factor: float, x_axis: str, y_axis:
         main["error_y"] = {"type": "data", "array": packed(curve.error * y_factor), "thickness": 1, "width": 2, "color": curve.colour}
     if curve.band is None:
         return [main]
-    half = np.where(np.isfinite(curve.band), curve.band, 0.0) * y_factor
-    edge: Trace = {**base, "mode": "lines", "line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"}
-    fill = {"fill": "tonexty", "fillcolor": _faint(curve.colour)}
-    return [{**edge, "y": packed(y - half)}, {**edge, "y": packed(y + half), **fill}, {**main, "name": f"{name}, with its 95 % band"}]
+    around = _outline(curve.x * x_factor, y, np.where(np.isfinite(curve.band), curve.band, 0.0) * y_factor)
+    band: Trace = {**base, "x": packed_time(around[0], of=curve.x * x_factor), "y": packed(around[1])}
+    band |= {"mode": "lines", "line": {"width": 0}, "showlegend": False, "hoverinfo": "skip", "fill": "toself"}
+    return [{**band, "fillcolor": _faint(curve.colour)}, {**main, "name": f"{name}, with its 95 % band"}]
+
+
+def _outline(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """There and back around y +- half, between its interruptions; a NaN of y ends a piece."""
+    parts_x, parts_y = list[np.ndarray](), list[np.ndarray]()
+    finite = np.flatnonzero(np.isfinite(y))
+    for rows in np.split(finite, np.flatnonzero(np.diff(finite) > 1) + 1) if finite.size else ():
+        parts_x += [x[rows], x[rows][::-1], x[rows][:1]]
+        parts_y += [(y - half)[rows], (y + half)[rows][::-1], np.array([np.nan])]
+    return (np.concatenate(parts_x), np.concatenate(parts_y)) if parts_x else (np.empty(0), np.empty(0))
 
 
 def _faint(colour: str) -> str:

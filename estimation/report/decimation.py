@@ -43,9 +43,13 @@ def packed(values: Array) -> dict[str, Any]:
     return {"dtype": "f4", "bdata": base64.b64encode(raw).decode("ascii")}
 
 
-def packed_time(time: Array) -> dict[str, Any]:
-    """As `packed`, in float64 where float32 would blur the samples (a clock that starts far from zero, long records)."""
-    step = float(np.median(np.diff(time))) if time.size > 1 else 1.0
+def packed_time(time: Array, of: Array | None = None) -> dict[str, Any]:
+    """As `packed`, in float64 where float32 would blur the samples (a clock that starts far from zero, long records).
+
+    of: the samples, where `time` is something drawn around them.
+    """
+    clock = time if of is None else of
+    step = float(np.median(np.diff(clock))) if clock.size > 1 else 1.0
     if np.abs(time).max(initial=0.0) * 6e-8 < 0.02 * abs(step):
         return packed(time)
     return {"dtype": "f8", "bdata": base64.b64encode(np.ascontiguousarray(time, dtype="<f8").tobytes()).decode("ascii")}

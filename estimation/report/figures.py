@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from ..recordings.gaps import LONGEST
 from ..results import Profile
 from ..validation.autocorrelation import autocorrelation
 from ..validation.patterns import own_states
@@ -31,10 +32,35 @@ def _curve(
     legend: bool = True,
 ) -> Curve:
     time, values = frame["t_s"].to_numpy(float), frame[column].to_numpy(float)
-    rows = envelope(values, points)
     std = frame[f"{column}.std"].to_numpy(float) if band and f"{column}.std" in frame else None
-    half = BAND * std[rows] if std is not None and np.isfinite(std).any() else None
-    return Curve(name=name, x=time[rows], y=values[rows], colour=colour, look=look, band=half, legend=legend)
+    drawn = _drawn(time, values) if std is None or not np.isfinite(std).any() else _drawn(time, values, std)
+    rows = envelope(drawn[1], points)
+    half = BAND * drawn[2][rows] if len(drawn) > 2 else None
+    return Curve(name=name, x=drawn[0][rows], y=drawn[1][rows], colour=colour, look=look, band=half, legend=legend)
+
+
+def own_rows(values: np.ndarray) -> np.ndarray:
+    """Row numbers of what is drawn of values (n,), NaN where missing: all of them, but of a sensor slower than the rows its own."""
+    seen = np.flatnonzero(np.isfinite(values))
+    return seen if len(seen) > 1 and np.median(np.diff(seen)) > 1 else np.arange(len(values))
+
+
+def _drawn(time: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    """Times and values (n,) of the own rows of the first, with a NaN that interrupts the line in every gap."""
+    rows = own_rows(values[0])
+    steps = np.diff(time[rows])
+    gaps = np.flatnonzero(steps > LONGEST * np.median(steps)) if steps.size else np.empty(0, dtype=int)
+    middles = (time[rows][gaps] + time[rows][gaps + 1]) / 2
+    return [np.insert(time[rows], gaps + 1, middles), *(np.insert(v[rows], gaps + 1, np.nan) for v in values)]
+
+
+def _lost(time: np.ndarray, seen: np.ndarray) -> int:
+    """How many samples are not there between those seen (m,), row numbers, on their own clock; where there are no rows none is missed."""
+    if seen.size < 2:
+        return 0
+    steps, own = np.diff(time), float(np.median(np.diff(time[seen])))
+    closed = np.insert(np.cumsum(np.where(steps > LONGEST * max(own, float(np.median(steps))), own, steps)), 0, 0.0)
+    return int(np.sum(np.maximum(np.round(np.diff(closed[seen]) / own) - 1.0, 0.0)))
 
 
 def output_chart(
@@ -43,14 +69,15 @@ def output_chart(
     """An output as measured and as the model has it, and beneath it their difference with +-2 std of the noise."""
     time = frame["t_s"].to_numpy(float)
     error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
-    missing = int(np.isnan(error).sum())
-    look = "dots" if time.size <= DOTS else _look(frame[f"{output}.measured"].to_numpy(float), error)
+    missing = _lost(time, np.flatnonzero(np.isfinite(error)))
+    at, error = _drawn(time, error)
+    look = "dots" if at.size <= DOTS else _look(frame[f"{output}.measured"].to_numpy(float), error)
     rows = envelope(error, points)
     upper = [
         _curve(frame, "measured", f"{output}.measured", COLOURS["measured"], points, look, band=False),
         _curve(frame, model, output, COLOURS["smoothed"], points),
     ]
-    lower = [Curve(name="error", x=time[rows], y=error[rows], colour=COLOURS["error"], legend=False)]
+    lower = [Curve(name="error", x=at[rows], y=error[rows], colour=COLOURS["error"], legend=False)]
     caption = f"{output}, measured and {model}; beneath it the error, measured − {model}"
     if noise_std is not None and np.isfinite(noise_std):
         ends = np.array([time[0], time[-1]])
@@ -176,24 +203,25 @@ def whiteness_chart(frame: pd.DataFrame, outputs: Sequence[str], *, label: str) 
     panels, time = [], frame["t_s"].to_numpy(float)
     for output in outputs:
         error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
-        n = int(np.isfinite(error).sum())
+        rows = own_rows(error)
+        error, n = error[rows], int(np.isfinite(error).sum())
         if n < 8:
             continue
         lags = np.arange(1, min(60, n // 4) + 1)
         r = autocorrelation(error, int(lags[-1]))[1:]
         bound, ends = 1.96 / np.sqrt(n), np.array([0.5, lags[-1] + 0.5])
+        step = quantity(float(np.median(np.diff(time[rows]))), "s")
         curves = [Curve(name=f"error of {output}", x=lags, y=r, colour=COLOURS["error"], look="bars", legend=False)]
         for sign in (1.0, -1.0):
             level = np.full(2, sign * bound)
             curves.append(
                 Curve(name="95 % bounds of white noise", x=ends, y=level, colour=COLOURS["noise"], look="dashed", legend=sign > 0)
             )
-        panels.append(Panel(curves=curves, y=f"autocorrelation {output}", y_unit="", x="lag", x_unit="samples", height=170))
+        panels.append(Panel(curves=curves, y=f"autocorrelation {output}", y_unit="", x=f"lag of {step}", x_unit="samples", height=170))
     if not panels:
         return None
-    step = quantity(float(np.median(np.diff(time))), "s") if time.size > 1 else "–"
     caption = (
-        f"Autocorrelation of measured − smoothed (one sample is {step}). A fit bends towards its samples, so some bars go beyond the dashed"
+        "Autocorrelation of measured − smoothed. A fit bends towards its samples, so some bars go beyond the dashed"
         " lines even where the model is right; whether the prediction errors are white is in the table."
     )
     return stack(panels, caption=caption, label=label)
