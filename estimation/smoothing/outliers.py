@@ -13,11 +13,13 @@ from ..problem import Problem
 from ..recordings.outliers import Mask, outlying
 from ..recordings.recording import Recording
 from ..wording import number
+from .agreement import MISLEAD
 from .robust import CORNER, FAR, RobustSolution
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 NAMED = 3  # of the farthest samples
+FOLLOWED = 1.0  # deviations: where outliers are met as well as any sample is
 UNEXPECTED = 8.0  # deviations of a prediction error that no motion of the model leads to
 FEW, TOGETHER = 3, 2.5  # so many samples, half of which are so many deviations off, that chance is one in 10^4
 
@@ -45,6 +47,13 @@ def outlier_notes(problem: Problem, solution: Solution, errors: Mapping[str, Map
         apart = " The tests of the prediction errors leave them out."
         if not len(far):
             found.append(f"Loss of {q.name}: huber, {rule}; no sample lies beyond {FAR:g} std.{open_end}")
+            continue
+        if float(np.median(z[far])) < FOLLOWED:
+            found.append(
+                f"Loss of {q.name}: huber, {rule}. {len(far)} of {np.count_nonzero(counted)} samples stand off "
+                f"({_times(problem, worst)}), and residual forces bend the trajectory to them: W leaves it the room. {MISLEAD} "
+                f"Give a smaller W of what moves {q.name}, or leave these samples empty.{open_end}"
+            )
             continue
         found.append(
             f"Loss of {q.name}: huber, {rule}. {len(far)} of {np.count_nonzero(counted)} samples lie beyond {FAR:g} std and pull no more "

@@ -214,6 +214,15 @@ def test_samples_that_are_off_together_need_not_be_far_off_each():
     assert np.array_equal(_unexpected(off, np.empty(0)), off)
 
 
+@pytest.mark.parametrize(("W", "followed"), [(1.0, False), (100.0, True)])
+def test_outliers_that_forces_have_the_room_to_follow_are_said_to_mislead(W, followed):
+    s = fitted(recorded(3, share=0.02, size=30.0), W=W, settings=Settings(marginal=False))
+    (note,) = [note for note in s.notes if note.startswith("Loss of x")]
+    assert ("bend the trajectory to them" in note) is followed
+    assert ("Values and deviations mislead" in note) is followed
+    assert "t = 1.22 s" in note
+
+
 def test_without_outliers_auto_is_least_squares():
     auto, squares = fitted(recorded(5, loss="auto")), fitted(recorded(5, loss="square"))
     for name in TRUE:
