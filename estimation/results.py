@@ -27,7 +27,7 @@ class ParameterEstimate:
     """A parameter after the fit.
 
     std: None when fixed, not determined or on its bound. identifiable: whether the recordings determine it; None when fixed. on_bound:
-    whether it ended on its bound, beyond which the recordings pull it.
+    whether it ended on its bound, beyond which the recordings pull it. size: of what may have either sign its nominal size, else 0.
     """
 
     name: str
@@ -38,6 +38,7 @@ class ParameterEstimate:
     identifiable: bool | None = None
     guess: float | None = None
     on_bound: bool = False
+    size: float = 0.0
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
@@ -55,8 +56,10 @@ class ParameterEstimate:
 
     @property
     def near_zero(self) -> bool:
-        """Whether it is known that it is no larger than a small part of what was guessed, and not whether it is there at all."""
-        return self.identifiable is False and self.std is not None and self.guess is not None and self.std < DETERMINED * abs(self.guess)
+        """Whether it is known to be no larger than a small part of its size or of what was guessed, and not whether it is there at all."""
+        if self.identifiable is not False or self.std is None or self.guess is None:
+            return False
+        return self.std < DETERMINED * max(abs(self.guess), self.size)
 
 
 @dataclass(frozen=True, kw_only=True)

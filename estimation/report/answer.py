@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
 
 NAMED = 6  # parameters named in the sentence; the table has them all
+VANISHED = 1e-6  # of its guess: a parameter that ran towards zero and met no bound, for nothing pulled it there
 WORTH = 0.9  # effective samples over samples: a memory that costs less is not worth a word
 
 
@@ -140,7 +141,13 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
         elif p.near_zero:
             found.append(f"{code(p.name)} cannot be told from 0: {escape(str(p))}.")
         elif p.identifiable is False:
-            found.append(f"The data do not determine {code(p.name)}: its value is that of its guess or prior, or one of many.")
+            vanished = p.guess is not None and abs(p.value) < VANISHED * abs(p.guess)
+            said = (
+                "it ran towards 0, where the model does without it"
+                if vanished
+                else "its value is that of its guess or prior, or one of many"
+            )
+            found.append(f"The data do not determine {code(p.name)}: {said}.")
         elif p.std is not None and p.value and p.std > 0.2 * abs(p.value):
             found.append(f"{code(p.name)} is known to {number(100 * p.std / abs(p.value), 2)} % only.")
     for place, summary in result.residual_places.items():

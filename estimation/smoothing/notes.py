@@ -179,7 +179,7 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
             if f.whiteness_p is not None and f.effective_samples is not None and f.whiteness_p < DOUBT:
                 worth = f"{f.effective_samples:.0f} effective of {f.samples} samples"
                 size = f.overstated
-                said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer"
+                said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer, values may"
                 times = f", by up to about {size:.2g} times" if size > TELLING else ""
                 found.append(
                     f"{which}: its prediction errors are not white ({_chance(f.whiteness_p)}, {worth}): something is left out or weighed "

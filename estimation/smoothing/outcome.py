@@ -147,6 +147,7 @@ def _parameters(
                 identifiable=_identified(value, known, info) if isinstance(given, Free) else None,
                 guess=given.guess if isinstance(given, Free) else None,
                 on_bound=number[name] in held,
+                size=info.nominal if info.minimum < 0 else 0.0,
             )
     return out
 

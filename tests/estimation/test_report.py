@@ -246,16 +246,21 @@ def test_a_parameter_that_is_small_and_may_be_nothing_is_no_open_question(tmp_pa
     result, recordings = made()
     small = estimate("friction.f_c", 3e-3, "N", std=4e-3, identifiable=False, guess=10.0)
     unknown = estimate("friction.f_v", 3.0, "N", std=40.0, identifiable=False, guess=10.0)
+    gone = estimate("link.k", 3e-13, "N.m/rad", std=20.0, identifiable=False, guess=25.0)
     assert str(small).endswith("(not told from 0)")
+    for guess in (0.0, 5e-3):  # what may have either sign is small beside its size, wherever it was guessed
+        assert str(replace(small, guess=guess, size=1.0)).endswith("(not told from 0)")
+        assert str(replace(small, guess=guess)).endswith("(not determined)")
     assert str(unknown).endswith("(not determined)")
     write_report(
-        replace(result, parameters={**result.parameters, "friction.f_c": small, "friction.f_v": unknown}),
+        replace(result, parameters={**result.parameters, "friction.f_c": small, "friction.f_v": unknown, "link.k": gone}),
         tmp_path / "r.html",
         recordings=recordings,
     )
     text = Page(tmp_path / "r.html").text
     assert "friction.f_c cannot be told from 0" in text
-    assert "The data do not determine friction.f_v" in text
+    assert "The data do not determine friction.f_v: its value is that of its guess" in text
+    assert "The data do not determine link.k: it ran towards 0" in text
 
 
 def test_errors_with_a_memory_are_said_to_have_one(tmp_path: Path) -> None:
