@@ -51,7 +51,10 @@ def notes(
     residuals: Mapping[str, ResidualSummary],
     errors: Errors,
 ) -> tuple[str, ...]:
-    """Notes on a run, a sentence or two each. errors: recording -> output -> standardised prediction errors (n,)."""
+    """Notes on a run, a sentence or two each, first those beside which the others mean little.
+
+    errors: recording -> output -> standardised prediction errors (n,).
+    """
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, residuals)
     shown, silent = shown_noise(problem), nothing_there(problem, run)
@@ -59,6 +62,8 @@ def notes(
     doubts = contradictions(problem, run, shown)
     return (
         *misled.values(),
+        *on_explaining(problem.posed, run, residuals),
+        *_on_far_ones(problem.posed, run.choice.solution),
         *_on_few(problem),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
@@ -68,7 +73,6 @@ def notes(
         *_on_forces(problem, run, silent),
         *supposed_notes(problem),
         *_on_the_answer(problem.posed, run, bounds),
-        *_on_far_ones(problem.posed, run.choice.solution),
         *run.said,
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
@@ -77,7 +81,6 @@ def notes(
         *contradicted(problem, run.choice.solution),
         *on_errors(fit, misled),
         *on_residuals(residuals, set(residuals) if misled or doubts else silent),
-        *on_explaining(problem.posed, run, residuals),
     )
 
 
