@@ -18,10 +18,11 @@ from ..recordings.gaps import gap_note, lost_note, rates_note
 from ..results import DETERMINED, DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed, number, per_root_bandwidth
-from .agreement import contradictions, nothing_there, too_sharp
+from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
 from .along import forces
 from .beforehand import contradicted
 from .horizons import shown_noise
+from .marginal import UNMOVED
 from .mesh_error import allowed
 from .on_bounds import OnBounds
 from .outliers import outlier_notes
@@ -63,6 +64,7 @@ def notes(
     return (
         *misled.values(),
         *on_explaining(problem.posed, run, residuals),
+        *_on_nothing_settled(run),
         *_on_far_ones(problem.posed, run.choice.solution),
         *_on_few(problem),
         *_on_rates(problem),
@@ -117,6 +119,14 @@ def _on_structure(problem: Problem) -> list[str]:
     if found is None or not found.unidentifiable:
         return []
     return [f"No recording of {listed(found.outputs)} can tell all that is free: {'; '.join(found.sentences())}. {REMEDY}."]
+
+
+def _on_nothing_settled(run: Run) -> list[str]:
+    """Neither weights nor parameters came to where the data want them: both are where the way ended."""
+    if run.choice.settled or UNMOVED not in run.said:
+        return []
+    what = "Weights from the data had not settled, and no steps led from them to the most likely parameters."
+    return [f"{what} {MISLEAD} Give W or V of what is known."]
 
 
 def _on_few(problem: Problem) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from backsight.data import path
 from backsight.estimation import Free, Known, Problem, Recording, Settings, Weights, smooth
 from backsight.estimation.recordings.gaps import rates_note
 from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary
-from backsight.estimation.smoothing.notes import on_errors, on_residuals
+from backsight.estimation.smoothing.marginal import UNMOVED
+from backsight.estimation.smoothing.notes import _on_nothing_settled, on_errors, on_residuals
 from backsight.models import Dae
 from backsight.models.plants import actuator
 
@@ -227,3 +229,9 @@ def test_a_given_weight_that_is_too_large_is_named_and_no_memory_is_seen(times):
     # forces that may be larger follow the noise too: the factor is a lower bound
     assert 0.3 * times < float(note.split("at least ")[1].split()[0]) < 1.1 * times
     assert not any("memory" in n for n in notes)
+
+
+@pytest.mark.parametrize(("settled", "said", "told"), [(False, (UNMOVED,), True), (True, (UNMOVED,), False), (False, (), False)])
+def test_numbers_of_a_way_that_came_to_no_end_are_said_to_mislead(settled, said, told):
+    run = SimpleNamespace(choice=SimpleNamespace(settled=settled), said=said)
+    assert ["mislead" in note for note in _on_nothing_settled(run)] == ([True] if told else [])
