@@ -15,6 +15,7 @@ from ..problem import Known, Problem
 from ..recordings.drive import drive_of
 from ..recordings.gaps import usual_interval
 from ..recordings.noise import noise, varies
+from ..recordings.outliers import screened
 from ..recordings.recording import Recording
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -76,7 +77,7 @@ def shown_noise(problem: Problem) -> Array:
     """
     dae = problem.dae
     at_once = {i for part in direct(dae, range(len(dae.places))) for i in part.sparsity().row()}
-    whole = {recording.name: recording for recording in problem.recordings}
+    whole = {recording.name: screened(recording) for recording in problem.recordings}  # outliers that a loss expects alternate as well
     out = np.zeros((len(problem.fitted), len(problem.dae.outputs)))
     for row, piece in zip(out, problem.fitted, strict=True):
         own = whole[piece.name]

@@ -34,6 +34,7 @@ from .outcome import outcome
 from .prediction import predict
 from .program import Settings
 from .rest import friction_laws, smoothing_widths
+from .robust import Losses
 from .unseen import moving_unseen, unseen_states
 from .variances import LEAST_NOISE
 from .work import Work, to_the_end
@@ -42,6 +43,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
 
 SUPPOSED = 0.5  # of the forces at a body that only a hypothesis has and no output shows: a larger residual force there explains for it
+TIGHT = 0.03  # of the residual forces that an approach ends with: as loose as these are trajectories go to gross outliers, and stay
 WILD = 3.0  # of the forces at any body that no output shows: with a larger residual force the model says nothing about it
 
 
@@ -169,6 +171,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         ceiling=ceiling,
     )
     followed = followed if begin is not None else lifted(problem, plain, followed, start)
+    if begin is None and Losses.of(problem) is not None:
+        force_std = {k: TIGHT * std for k, std in force_std.items()}
     force_std = {**force_std, **given}
     run, build = work.run(followed, stds, force_std, start, begin)
     if work.apart and (UNMOVED in run.said or not run.choice.solution.solved.status.converged):
