@@ -149,6 +149,9 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         ceiling = {k: WILD * begun.whole[k] for k in hidden if k in force_std and k not in given}
     else:
         force_std = balance(plain, followed, start).force_std
+    noise = LEAST_NOISE * shown_noise(problem)
+    if begin is not None:  # it may have been found to be less than samples seem to show
+        noise = np.minimum(noise, [[table.get(q.name, np.inf) for q in problem.dae.outputs] for table in stds])
     ceiling = {k: min(most, settings.most.get(problem.dae.places[k].name, np.inf)) for k, most in ceiling.items()}
     if not settings.weigh:
         given = {**force_std, **given}
@@ -165,7 +168,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         open_outputs=tuple(open_outputs),
         say=say,
         floor=floor,
-        noise=LEAST_NOISE * shown_noise(problem),
+        noise=noise,
         apart=begin is None and bool(plain.free and unseen_states(plain)) and to_the_end(settings),
         strengths=strengths,
         ceiling=ceiling,

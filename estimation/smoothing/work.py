@@ -33,7 +33,7 @@ ROUGH = Options(tolerance=1e-3, gauss_newton_iterations=20)  # of a solve on the
 FAR = 0.5  # of a deviation that the last steps moved a parameter: beyond, weights from the data are others there
 ALTERNATIONS = 4
 ROOMS = 3  # times that room near rest is given anew
-FLOORED = 1.01  # times its floor: a noise that lies there
+FLOORED, LIKELIER = 1.01, 10.0  # times its floor: a noise that lies there; nats that speak for less
 FINER = 1.1  # times as many intervals: less does not make a new mesh worth its while
 
 
@@ -96,7 +96,8 @@ class Work:
         if settings.step is None and _moved(choice, force_std):
             choice, stds, remeshed = work.on_a_new_mesh(choice, meshed, stds)
         if not settings.hasty:
-            work, choice, stds = work.unfloored(choice, stds, meshed.least_std)
+            if begin is None:
+                work, choice, stds = work.unfloored(choice, stds, meshed.least_std)
             choice, stds = work.given_room(choice, stds, meshed.least_std)
         checked = Checked(solution=choice.solution)
         if settings.check_mesh:
@@ -196,7 +197,7 @@ class Work:
         return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
 
     def unfloored(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Work, Choice, Stds]:
-        """The same with less noise than samples seem to show, where V came to lie at its floor and they are likelier with less.
+        """The same with less noise than samples seem to show, where V came to lie at its floor and they are far likelier with less.
 
         What alternates as white noise does may be the answer to an input that steps at every sample.
         """
@@ -212,7 +213,7 @@ class Work:
         work, solution, now = replace(self, noise=np.zeros_like(self.noise)), choice.solution, self.in_force(stds, choice)
         t = solution.transcription
         second = work.chosen(work.from_there(choice, solution, _rated(t.horizons, choice), t.degree), least_std, now)
-        if not second.solution.solved.status.converged or _log_likelihood(second.solution) <= _log_likelihood(solution):
+        if not second.solution.solved.status.converged or _log_likelihood(second.solution) < _log_likelihood(solution) + LIKELIER:
             return self, choice, stds
         return work, replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
 
