@@ -87,9 +87,13 @@ class Worth:
 
     def _at_rest(self, place: str) -> tuple[Mapping[str, float], float]:
         """The rounded signs at a place, and the strength for which there is room."""
-        if self.solution is None:
-            return {}, 0.0
-        return rounded_signs(self.solution).get(place, {}), strengths_at_rest(self.solution).get(place, 0.0)
+        signs, rooms = self._holding
+        return signs.get(place, {}), rooms.get(place, 0.0)
+
+    @cached_property
+    def _holding(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]:
+        """The same of all places."""
+        return ({}, {}) if self.solution is None else (rounded_signs(self.solution), strengths_at_rest(self.solution))
 
     def _comparable(self, other: Worth) -> bool:
         """Whether both have densities, of the same samples."""

@@ -33,10 +33,11 @@ def _curve(
 ) -> Curve:
     time, values = frame["t_s"].to_numpy(float), frame[column].to_numpy(float)
     std = frame[f"{column}.std"].to_numpy(float) if band and f"{column}.std" in frame else None
-    drawn = _drawn(time, values) if std is None or not np.isfinite(std).any() else _drawn(time, values, std)
-    rows = envelope(drawn[1], points)
-    half = BAND * drawn[2][rows] if len(drawn) > 2 else None
-    return Curve(name=name, x=drawn[0][rows], y=drawn[1][rows], colour=colour, look=look, band=half, legend=legend)
+    banded = [std] if std is not None and np.isfinite(std).any() else []
+    x, y, *stds = _drawn(time, values, *banded)
+    rows = envelope(y, points)
+    half = BAND * stds[0][rows] if stds else None
+    return Curve(name=name, x=x[rows], y=y[rows], colour=colour, look=look, band=half, legend=legend)
 
 
 def own_rows(values: np.ndarray) -> np.ndarray:

@@ -213,8 +213,9 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
 
 def _borne_out(fit: OutputFit | None) -> bool:
     """Whether samples are predicted as well as V and W promise: what alternates in them then is the answer to an input that does."""
-    white = fit is not None and fit.whiteness_p is not None and fit.whiteness_p >= DOUBT
-    return white and fit is not None and fit.prediction_rms is not None and fit.prediction_rms < OFF
+    if fit is None or fit.whiteness_p is None or fit.prediction_rms is None:
+        return False
+    return fit.whiteness_p >= DOUBT and fit.prediction_rms < OFF
 
 
 def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = ()) -> list[str]:

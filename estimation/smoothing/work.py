@@ -194,7 +194,7 @@ class Work:
             return choice, stds, False
         program = self.program(anew.horizons, followed_by(solution), _by_place(choice, solution), solution.parameters)
         second = self.chosen(program, anew.least_std, now)
-        return replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now, True
+        return _after(choice, second), now, True
 
     def unfloored(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Work, Choice, Stds]:
         """The same with less noise than samples seem to show, where V came to lie at its floor and they are far likelier with less.
@@ -215,7 +215,7 @@ class Work:
         second = work.chosen(work.from_there(choice, solution, _rated(t.horizons, choice), t.degree), least_std, now)
         if not second.solution.solved.status.converged or _log_likelihood(second.solution) < _log_likelihood(solution) + LIKELIER:
             return self, choice, stds
-        return work, replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
+        return work, _after(choice, second), now
 
     def given_room(self, choice: Choice, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
         """The same with room where trajectories have come to rest, if they strain there without it."""
@@ -230,7 +230,7 @@ class Work:
             second = self.chosen(self.from_there(choice, solution, _rated(t.horizons, choice), t.degree), least_std, now)
             if not second.solution.solved.status.converged:
                 break
-            choice, stds = replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
+            choice, stds = _after(choice, second), now
         return choice, stds
 
     def refined(self, choice: Choice, checked: Checked, stds: Stds, least_std: Mapping[int, float]) -> tuple[Choice, Stds]:
@@ -256,7 +256,7 @@ class Work:
                 break
             again = marginal(program, released(second.solution, moved.solution.solved.on_bound), self.say)
             change = np.log(np.concatenate([second.force_std / choice.force_std, second.output_factor.ravel()]))
-            choice, stds = replace(second, rounds=choice.rounds + second.rounds, iterations=choice.iterations + second.iterations), now
+            choice, stds = _after(choice, second), now
             moved = again if again.said == (UNMOVED,) else replace(again, said=moved.said)
             if again.far < FAR and np.max(np.abs(change)) < CLOSE:
                 break
@@ -305,6 +305,11 @@ def _log_likelihood(solution: Solution) -> float:
     found = innovations(replace(solution, solved=replace(solution.solved, on_bound=(*solution.solved.on_bound, *range(n, size)))))
     scale = solution.values.scale[solution.term("samples")]
     return -np.inf if found is None else log_likelihood(found) + float(np.sum(np.log(scale[scale > 0])))
+
+
+def _after(first: Choice, second: Choice) -> Choice:
+    """The second one, with the rounds and iterations of both."""
+    return replace(second, rounds=first.rounds + second.rounds, iterations=first.iterations + second.iterations)
 
 
 def _by_place(choice: Choice, solution: Solution) -> dict[int, float]:
