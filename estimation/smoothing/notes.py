@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from backsight.models import ModelError, SolveError
 from backsight.models.analysis.identifiability import identifiability
@@ -27,7 +28,7 @@ from .mesh_error import allowed
 from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
-from .suppositions import bound_notes, colour, supposed_notes
+from .suppositions import bound_notes, colour, noise_notes, supposed_notes
 from .undetermined import PULLED, REMEDY, hardly_told, open_combinations
 from .unseen import unseen_states
 
@@ -50,6 +51,7 @@ def notes(
     bounds: OnBounds | None,
     fit: Mapping[str, Mapping[str, OutputFit]],
     residuals: Mapping[str, ResidualSummary],
+    estimates: Mapping[str, pd.DataFrame],
     errors: Errors,
 ) -> tuple[str, ...]:
     """Notes on a run, a sentence or two each, first those beside which the others mean little.
@@ -65,6 +67,7 @@ def notes(
         *misled.values(),
         *on_explaining(problem.posed, run, residuals),
         *_on_nothing_settled(run),
+        *noise_notes(problem, estimates),
         *_on_far_ones(problem.posed, run.choice.solution),
         *_on_few(problem),
         *_on_rates(problem),

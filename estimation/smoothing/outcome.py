@@ -99,7 +99,7 @@ def outcome(problem: Problem, run: Run, *, build: float, seconds: float) -> Smoo
             variables=t.nlp.size,
         ),
         residual_places=residuals,
-        notes=notes(problem, run, bounds, fit, residuals, validation.errors),
+        notes=notes(problem, run, bounds, fit, residuals, estimates, validation.errors),
         correlation=_correlation(problem.posed, solution, bounds, parameters),
         criteria=validation.criteria,
         solution=solution,

@@ -352,6 +352,25 @@ def test_all_suppositions_together_are_told_under_the_users_own_names():
     assert set(s.held_out) == {"run 3"}
 
 
+def test_an_input_that_is_mostly_its_sensors_noise_is_said_to_mislead():
+    """A smooth force by a sensor whose noise would have shaken the mass visibly; as it was commanded; and quiet."""
+    time = 0.005 * np.arange(600)
+    smooth_force = 30 * np.sin(2 * np.pi * 0.7 * time) + 15 * np.sin(2 * np.pi * 1.9 * time)
+    A = [[0, 1], [-K / M, -D / M]]
+    still = Truth(A, push(2), [[0], [0]], known(), time=time, u=smooth_force)
+    y = still.moved(still.mean)[:, 0] + 1e-6 * np.random.default_rng(5).normal(size=len(time))
+    noise = np.random.default_rng(6).normal(size=len(time))
+    says = {}
+    for std, recorded in ((4.0, 4.0), (4.0, 0.0), (0.02, 0.02)):
+        recording = Recording(
+            name="run", time=time, inputs={"F": smooth_force + recorded * noise}, outputs={"x": y}, output_std={"x": 1e-6}, hold="zero"
+        )
+        weights = Weights(W={"mass": 1e-4}, V={"F": std})
+        s = smooth(Problem(model=PLANT, recordings=[recording], parameters={"mass.m": Free(3.0)}, weights=weights))
+        says[std, recorded] = [note for note in s.notes if note.startswith("F: what it differs by from row to row")]
+    assert [len(found) for found in says.values()] == [1, 0, 0]
+
+
 def test_simulate_takes_the_mean_of_what_every_recording_has_of_its_own(tmp_path):
     recordings = [sliding(1, 2.0), sliding(2, 3.0)]
     free = {"mass.m": Free(4.0, per_recording=True), "spring.k": Free(30.0, drift=1.0)}
