@@ -12,7 +12,6 @@ from backsight.models import ModelError, SolveError
 from backsight.models.analysis.identifiability import identifiability
 from backsight.models.errors import InputError
 from backsight.ocp import Solution
-from backsight.ocp.follow import Followed
 
 from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note
@@ -20,8 +19,8 @@ from ..results import DETERMINED, DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed, number, per_root_bandwidth
 from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
-from .along import forces
 from .beforehand import contradicted
+from .explaining import on_explaining, weighed_places
 from .horizons import shown_noise
 from .marginal import UNMOVED
 from .mesh_error import allowed
@@ -39,7 +38,6 @@ Errors = Mapping[str, Mapping[str, np.ndarray[tuple[int, ...], np.dtype[np.float
 
 LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
-UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
 FEW = 3.0  # numbers for every unknown that an estimate needs at least
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
@@ -65,7 +63,7 @@ def notes(
     doubts = contradictions(problem, run, shown)
     return (
         *misled.values(),
-        *on_explaining(problem.posed, run, residuals),
+        *on_explaining(problem.posed, run.choice.solution, residuals),
         *_on_nothing_settled(run),
         *noise_notes(problem, estimates),
         *_on_far_ones(problem.posed, run.choice.solution),
@@ -95,7 +93,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
     t = solution.transcription
     held = [t.dae.parameters[t.nlp.free[k]].name for k in solution.parameters_on_bounds]
     where = f" Where it stopped, {listed(held)} lay on {'a bound' if len(held) == 1 else 'bounds'}." if held else ""
-    weights = f", leave out W of {listed(weighed)}, so that the data choose it" if (weighed := _weighed(problem)) else ""
+    weights = f", leave out W of {listed(weighed)}, so that the data choose it" if (weighed := weighed_places(problem)) else ""
     return (
         *too_sharp(problem, run, shown_noise(problem)).values(),
         *_on_rates(problem),
@@ -104,7 +102,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         *_on_ranges(problem),
         *outlier_notes(problem, solution, {}),
         *_on_structure(problem),
-        *on_explaining(problem.posed, run, residuals),
+        *on_explaining(problem.posed, run.choice.solution, residuals),
         *_on_the_start(problem.plain, run),
         f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
         f"units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known{weights}.",
@@ -238,29 +236,6 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
                 f"acts there. Stated deviations take it for white and may be too small; with {W} they do not."
             )
     return found
-
-
-def on_explaining(problem: Problem, run: Run, residuals: Mapping[str, ResidualSummary]) -> list[str]:
-    """Whether the model explains anything at all, where parameters ended on bounds; problem: the posed one."""
-    solution = run.choice.solution
-    t = solution.transcription
-    held = [problem.dae.parameters[t.nlp.free[k]].name for k in solution.parameters_on_bounds]
-    if not held:
-        return []
-    followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
-    parts = []
-    for k, force in forces(problem, followed, solution.parameters).items():
-        r = residuals.get(problem.dae.places[k].name)
-        if r is not None and r.rms > UNEXPLAINED * force:
-            parts.append(f"residual.{r.place}, {r.rms:.3g} {r.unit} rms, is as large as all else in its balance, {force:.3g} {r.unit} rms")
-    given = f", and W of {listed(weighed)}, which is given" if (weighed := _weighed(problem)) else ""
-    explains = f"the model explains next to nothing. Check units and signs of inputs and outputs{given}"
-    return [f"{listed(parts)}, and {listed(held)} ended on a bound: {explains}."] if parts else []
-
-
-def _weighed(problem: Problem) -> list[str]:
-    """Places whose W is given."""
-    return [place.name for place in problem.dae.places if place.name in problem.weights.W]
 
 
 def _chance(p: float) -> str:

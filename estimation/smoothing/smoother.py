@@ -21,7 +21,7 @@ from ..problem import Problem
 from ..recordings.gaps import rates_note
 from ..results import Smoothing
 from .along import RIGID, exact_forces
-from .approach import TIGHTEST, approach
+from .approach import NEAR, TIGHTEST, approach
 from .beforehand import blamed, freed
 from .begun import Begun
 from .delays import settled
@@ -146,7 +146,8 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
         begun = approach(plain, followed, laws, start, least, say)
         followed, start, force_std = begun.followed, begun.parameters, begun.force_std
         floor = {k: RIGID * begun.whole[k] for k in force_std}
-        ceiling = {k: WILD * begun.whole[k] for k in hidden if k in force_std and k not in given}
+        if begun.share <= NEAR:  # else the forces of where it stopped say nothing
+            ceiling = {k: WILD * begun.whole[k] for k in hidden if k in force_std and k not in given}
     else:
         force_std = balance(plain, followed, start).force_std
     noise = LEAST_NOISE * shown_noise(problem)

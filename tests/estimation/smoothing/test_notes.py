@@ -135,6 +135,18 @@ def test_a_sign_that_is_wrong_is_suspected_where_bounds_hold_and_nothing_is_expl
     assert not any("explains next to nothing" in n for n in right)
 
 
+def test_terms_that_all_grew_where_nothing_is_explained_are_named():
+    free = {"mass.m": Free(2.2), "spring.k": Free(45.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
+    wrong = smooth(Problem(model=MODEL, recordings=[axis_run(0, 5.0, sign=-1.0)], parameters=free))
+    assert wrong.value("mass.m") > 1e7
+    (note,) = [n for n in wrong.notes if "explains next to nothing" in n]
+    assert "mass.m and spring.k grew beyond all measure" in note
+    assert note.endswith("and fix one of mass.m and spring.k, or W there.")
+    right = smooth(Problem(model=MODEL, recordings=[axis_run(0, 0.02)], parameters=free))
+    assert right.value("mass.m") == pytest.approx(2.0, rel=0.02)
+    assert not any("explains next to nothing" in n for n in right.notes)
+
+
 def test_rows_a_thousand_times_as_far_apart_are_told_with_the_remedy_and_other_rates_are_not():
     near, far = axis_run(0, 0.02), axis_run(1, 0.02)
     thousand = replace(far, name="logged", time=1e3 * far.time)
