@@ -28,7 +28,7 @@ from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
 from .suppositions import bound_notes, colour, supposed_notes
-from .undetermined import PULLED, REMEDY, hardly_told, open_combinations
+from .undetermined import PULLED, REMEDY, hardly_told, open_combinations, open_where_it_stopped
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def notes(
     errors: recording -> output -> standardised prediction errors (n,).
     """
     if not run.choice.solution.solved.status.converged:
-        return _without_an_answer(problem, run, residuals)
+        return _without_an_answer(problem, run, bounds, fit, residuals)
     shown, silent = shown_noise(problem), nothing_there(problem, run)
     misled = {which: said for which, said in too_sharp(problem, run, shown).items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
     doubts = contradictions(problem, run, shown)
@@ -86,7 +86,13 @@ def notes(
     )
 
 
-def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, ResidualSummary]) -> tuple[str, ...]:
+def _without_an_answer(
+    problem: Problem,
+    run: Run,
+    bounds: OnBounds | None,
+    fit: Mapping[str, Mapping[str, OutputFit]],
+    residuals: Mapping[str, ResidualSummary],
+) -> tuple[str, ...]:
     """Where a solve stopped its numbers say little: what may have kept it from arriving, the most telling first."""
     solution = run.choice.solution
     t = solution.transcription
@@ -100,7 +106,7 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         *_on_dead_inputs(problem),
         *_on_ranges(problem),
         *outlier_notes(problem, solution, {}),
-        *_on_structure(problem),
+        *(_on_structure(problem) or open_where_it_stopped(problem.posed, solution, bounds, fit)),
         *on_explaining(problem.posed, run, residuals),
         *_on_the_start(problem.plain, run),
         f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
