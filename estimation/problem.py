@@ -16,6 +16,7 @@ from backsight.models.errors import InputError, suggestion
 
 from . import supposed
 from .arguments import check_kind, check_mapping, check_number
+from .bounds import excluded
 from .delays import asked_for, with_delays
 from .recordings.recording import Recording
 
@@ -145,6 +146,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         self._check_kinds()
+        undelayed = self.dae
         open_delays = asked_for(self.recordings)
         if open_delays:
             model, recordings = with_delays(self.dae, self.recordings)
@@ -170,6 +172,9 @@ class Problem:
                 raise InputError(f"bounds: {name} = ({low}, {high}): needs two numbers, the lower one first.")
             if name in self.initial and not low <= (value := self.start[name].value) <= high:
                 raise InputError(f"bounds: {name} = ({low:g}, {high:g}): its initial value {value:g} lies outside; move one of them.")
+        for out in excluded(undelayed, self.recordings, self.bounds, self._given):
+            low, high = self.bounds[out.state]
+            raise InputError(f"bounds: {out.state} = ({low:g}, {high:g}): {out.said()}.")
         info = {p.name: p for p in dae.parameters}
         for name, given in self.parameters.items():
             number = given.guess if isinstance(given, Free) else given
@@ -251,6 +256,11 @@ class Problem:
     def posed(self) -> Problem:
         """What is solved: all that is supposed beyond the model is in the model. `plain` where nothing else is supposed."""
         return supposed.posed(self.split, self.plain)
+
+    @property
+    def _given(self) -> dict[str, float | None]:
+        """Parameter -> its value where it is fixed, else None."""
+        return {name: None if isinstance(value, Free) else float(value) for name, value in self.parameters.items()}
 
     @property
     def start(self) -> dict[str, Known]:

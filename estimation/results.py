@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .problem import Weights
+from .wording import measured
 
 if TYPE_CHECKING:
     from backsight.ocp import Solution
@@ -18,7 +19,6 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 DOUBT = 0.01  # chance of what is seen if a hypothesis holds, below which it is doubted aloud
 DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size
-SHORT, LONG = 1e-4, 1e9  # values below and above are written with their power of ten
 TELLING = 1.2  # factor on a deviation from which on it is said
 
 
@@ -43,16 +43,14 @@ class ParameterEstimate:
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit not in ("", "1") else ""
         if self.std is None or not self.std > 0:
-            return f"{self.value:.6g}{unit} ({'fixed' if self.fixed else 'on its bound' if self.on_bound else 'not determined'})"
+            if self.fixed or self.on_bound:
+                return f"{self.value:.6g}{unit} ({'fixed' if self.fixed else 'on its bound'})"
+            return f"{self.value:.3g}{unit} (not determined)"
         if not np.isfinite([self.value, self.std]).all():
             return f"{self.value:.6g} ± {self.std:.2g}{unit}"
-        decimals = 1 - int(np.floor(np.log10(self.std)))
-        if self.value == 0 or SHORT <= abs(self.value) < LONG:
-            value = f"{self.value:.{np.clip(decimals, 0, 15)}f}"
-        else:
-            value = f"{self.value:.{np.clip(decimals + int(np.floor(np.log10(abs(self.value)))), 1, 11)}e}"
+        value, std = measured(self.value, self.std)
         untold = "" if self.identifiable is not False else " (not told from 0)" if self.near_zero else " (not determined)"
-        return f"{value} ± {self.std:.2g}{unit}{untold}"
+        return f"{value} ± {std}{unit}{untold}"
 
     @property
     def near_zero(self) -> bool:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import floor, log10
+
+SHORT, LONG = 1e-4, 1e9  # values below and above are written with their power of ten
+PLAIN = 1e6  # deviations from which on both are
 
 
 def quoted(names: Iterable[str], *, last: str = "and") -> str:
@@ -14,6 +18,24 @@ def quoted(names: Iterable[str], *, last: str = "and") -> str:
 def number(value: float) -> str:
     """Nine digits at most, without trailing zeros."""
     return f"{value:.9g}"
+
+
+def measured(value: float, std: float) -> tuple[str, str]:
+    """A value and its deviation (above 0), which has two digits; the value ends where that does, but has two digits where it has more."""
+    rounded = float(f"{std:.1e}")
+    order, decimals = floor(log10(abs(value))) if value else 0, 1 - floor(log10(rounded))
+    deviation = f"{rounded:.0f}" if 10.0 <= rounded < PLAIN else f"{rounded:#.2g}"
+    digits = f"{value:.{min(max(decimals + order, 1), 11)}e}"
+    if not (value == 0 or SHORT <= abs(value) < LONG) or rounded >= PLAIN:
+        return digits, deviation
+    return f"{value:.{min(decimals, 15)}f}" if decimals >= 0 else f"{float(digits):.0f}", deviation
+
+
+def percentage(share: float) -> str:
+    """A percentage with as many nines as it takes to see what is missing to 100: 99.9989 %."""
+    missing = abs(100.0 - share)
+    decimals = 1 if missing >= 1 else min(7, 1 - floor(log10(max(missing, 1e-7))))
+    return f"{share:.{decimals}f} %"
 
 
 def per_root_bandwidth(unit: str) -> str:

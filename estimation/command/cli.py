@@ -69,11 +69,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print result.json on standar
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status; no exception leaves, but for BACKSIGHT_TRACEBACK=1."""
+    """Run the command and return its exit status; no exception leaves, but for BACKSIGHT_TRACEBACK=1.
+
+    arguments: those of the process by itself, which then has nothing else to do: a Ctrl-C that comes after the last word is ignored.
+    """
     for name in BLAS_THREADS:
         os.environ.setdefault(name, "1")
     try:
-        with warnings.catch_warnings(), remembered():
+        with warnings.catch_warnings(), remembered(last=arguments is None):
             if not sys.warnoptions:
                 warnings.simplefilter("ignore")
             status = app(args=None if arguments is None else list(arguments), prog_name="backsight", standalone_mode=False)

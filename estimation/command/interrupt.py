@@ -21,8 +21,12 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def remembered() -> Iterator[None]:
-    """Within the block an interrupt is raised as KeyboardInterrupt, and remembered for `check`."""
+def remembered(*, last: bool = False) -> Iterator[None]:
+    """Within the block an interrupt is raised as KeyboardInterrupt, and remembered for `check`.
+
+    last: nothing comes after the block but the end of the process. Then Ctrl-C is ignored from there on: all is said and written, and
+    it would only be printed as a fault of whatever the interpreter clears away just then.
+    """
     _results.clear()
     _kept.clear()
     if threading.current_thread() is not threading.main_thread():
@@ -39,9 +43,11 @@ def remembered() -> Iterator[None]:
     try:
         yield
     finally:
-        _asked.clear()
-        for which, handler in zip(SIGNALS, before, strict=True):
-            signal.signal(which, handler)
+        with held():
+            after = [signal.SIG_IGN if last and which is signal.SIGINT else handler for which, handler in zip(SIGNALS, before, strict=True)]
+            for which, handler in zip(SIGNALS, after, strict=True):
+                signal.signal(which, handler)
+            _asked.clear()
 
 
 @contextmanager

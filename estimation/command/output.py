@@ -31,7 +31,8 @@ def results_folder(out: Path) -> Iterator[Path]:
     """
     base = _existing(out)
     try:
-        partial = Path(tempfile.mkdtemp(prefix=".backsight-", dir=base))
+        with held():
+            partial = Path(tempfile.mkdtemp(prefix=".backsight-", dir=base))
     except OSError as error:
         raise InputError(f"--out {out}: {base} cannot be written to ({error.strerror or error}); choose another folder") from None
     try:
@@ -44,8 +45,16 @@ def results_folder(out: Path) -> Iterator[Path]:
             except OSError as error:
                 raise InputError(f"--out {out}: the results cannot be written ({error.strerror or error})") from error
     finally:
-        with held():
-            shutil.rmtree(partial, ignore_errors=True)
+        try:
+            _vanish(partial)
+        except KeyboardInterrupt:  # just before it is held
+            _vanish(partial)
+            raise
+
+
+def _vanish(folder: Path) -> None:
+    with held():
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def write_result(result: Mapping[str, Any], path: Path) -> None:

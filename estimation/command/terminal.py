@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..results import DOUBT, TELLING
+from ..wording import percentage
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
@@ -124,4 +125,4 @@ def _end(value: float | None, nothing: str) -> str:
 
 
 def _share(percent: float | None) -> str:
-    return "no variation to explain" if percent is None else f"{percent:.2f} %"
+    return "no variation to explain" if percent is None else percentage(percent)

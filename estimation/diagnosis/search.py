@@ -93,6 +93,7 @@ class Search:
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
+    _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -138,11 +139,16 @@ class Search:
                 return
 
     def _on_a_checked_mesh(self) -> None:
-        """The model with what was found on a mesh that no longer moves its numbers: candidates are compared on that which it began with."""
-        if self.findings and self.fits.left > 0:
+        """The model with what was found on a mesh that no longer moves its numbers: candidates are compared on that which it began with.
+
+        Nothing where it is on such a mesh already.
+        """
+        if self.findings and self.fits.left > 0 and self.result is not self._checked:
             self.fits.say("the mesh, with what was found")
             base = replace(self._base, settings=replace(self.settings, check_mesh=True))
-            self.result = self.fits.again(base, settled(self.problem, self.result), "on a checked mesh") or self.result
+            holds = "".join(f", {r.name} {r.hold}" for r in self.problem.recordings)
+            self._checked = self.fits.again(base, settled(self.problem, self.result), f"on a checked mesh{holds}")
+            self.result = self._checked or self.result
 
     def _finer(self) -> None:
         """The same at once, and for all that comes: what a lag makes of a mesh that is too coarse for it, further effects would explain."""

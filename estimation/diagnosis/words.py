@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..wording import listed
+from ..wording import listed, measured
 from .verdict import Diagnosis, Explanation, Finding, HeldOut, Strength
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
@@ -61,16 +61,8 @@ def with_deviation(s: Strength) -> str:
     unit = f" {s.unit}" if s.unit not in ("", "1") else ""
     if s.std is None or not (math.isfinite(s.std) and s.std > 0):
         return f"{s.value:.5g}{unit}"
-    digits = 1 - math.floor(math.log10(s.std))
-    if not -3 <= digits <= 6:
-        return f"{s.value:#.{min(12, _digits(s))}g} ± {s.std:#.2g}{unit}"
-    return f"{s.value:.{max(digits, 0)}f} ± {s.std:.{max(digits, 0)}f}{unit}"
-
-
-def _digits(s: Strength) -> int:
-    """Significant digits of the value that its deviation leaves."""
-    size, std = abs(s.value), s.std or 1.0
-    return 2 if not size > std else 2 + math.floor(math.log10(size)) - math.floor(math.log10(std))
+    value, std = measured(s.value, s.std)
+    return f"{value} ± {std}{unit}"
 
 
 def gain(held: HeldOut | None) -> str:

@@ -5,6 +5,8 @@ import re
 
 import numpy as np
 
+from ..wording import percentage
+
 __all__ = ["count", "number", "percent", "pretty", "quantity", "scaled", "uncertain"]
 
 NOTHING = "–"
@@ -64,6 +66,7 @@ def uncertain(value: float | None, std: float | None) -> tuple[str, str]:
     """Value and standard deviation to the same decimals, two digits of the deviation: ("95.011", "0.027")."""
     if value is None or std is None or not (np.isfinite(value) and np.isfinite(std) and std > 0):
         return number(value, 6), number(std, 2)
+    std = float(f"{std:.1e}")
     decimals = 1 - math.floor(math.log10(std))
     if decimals < 0 or decimals > 8 or abs(value) >= 1e7:
         digits = max(2, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(std))) if value else 2
@@ -75,6 +78,4 @@ def percent(share: float | None) -> str:
     """A percentage (already times 100) with as many nines as it takes to see what is missing to 100: 99.9989 %."""
     if share is None or not np.isfinite(share):
         return NOTHING
-    missing = abs(100.0 - share)
-    decimals = 1 if missing >= 1 else min(7, 2 - math.floor(math.log10(max(missing, 1e-7))) - 1)
-    return f"{share:.{decimals}f} %".replace("-", "−")
+    return percentage(share).replace("-", "−")

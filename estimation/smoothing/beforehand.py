@@ -17,6 +17,7 @@ from backsight.ocp.evaluated import Linearised
 
 from ..problem import Free, Problem
 from ..results import Smoothing
+from ..wording import measured
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -49,15 +50,19 @@ def blamed(problem: Problem, without: Smoothing) -> str:
         if not isinstance(given, Free) or given.std is None or there is None or there.std is None:
             continue
         if abs(there.value - given.guess) > SURE * np.hypot(given.std, there.std):
-            found.append(f"{name} would be {there.value:.6g} ± {there.std:.2g} {there.unit} instead of {given.guess:.6g} ± {given.std:.2g}")
+            found.append(f"{name} would be {_measured(there.value, there.std)} {there.unit} instead of {given.guess:.6g} ± {given.std:.2g}")
     for recording, table in without.estimates.items():
         for name in [name for name in problem.initial if name in table]:
             start, value, std = problem.start[name], float(table[name].iloc[0]), float(table[f"{name}.std"].iloc[0])
             if abs(value - start.value) > SURE * np.hypot(start.std, std):
                 which = f"{name} of {recording}" if len(without.estimates) > 1 else name
-                found.append(f"{which} would begin at {value:.6g} ± {std:.2g} instead of {start.value:.6g}")
+                found.append(f"{which} would begin at {_measured(value, std)} instead of {start.value:.6g}")
     said = f": {'; '.join(found)}" if found else ""
     return f"The same problem without what was given of the start or of parameters is solved{said}. Correct it, or leave it out."
+
+
+def _measured(value: float, std: float) -> str:
+    return " ± ".join(measured(value, std)) if std > 0 and np.isfinite([value, std]).all() else f"{value:.6g}"
 
 
 def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[str]:
@@ -119,7 +124,7 @@ def _exact_starts(solution: Solution, given: set[str]) -> Iterable[str]:
             if variance > lost and abs(move) > SURE * np.sqrt(variance):
                 yield (
                     f"{state.name} = {horizon.initial[i]:.6g} {state.unit} was given for the start, and without that it would be "
-                    f"{horizon.initial[i] + move:.6g} ± {np.sqrt(variance):.2g}"
+                    f"{_measured(horizon.initial[i] + move, float(np.sqrt(variance)))}"
                 )
 
 

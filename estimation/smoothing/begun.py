@@ -32,7 +32,7 @@ class Begun:
 
     strange: they come from another model. at_rest: place -> strength of the laws that its residual force has room for near rest. noise:
     output -> std in force, of every horizon: of two models the one that holds the other is not to come to rest at weights by which it is
-    less likely than that.
+    less likely than that. onward: guesses were left behind: all parameters that it has go on, not only those that a std holds.
     """
 
     followed: Followed
@@ -41,6 +41,7 @@ class Begun:
     strange: bool = False
     at_rest: dict[str, float] = field(default_factory=dict)
     noise: tuple[dict[str, float], ...] = ()
+    onward: bool = False
 
     @classmethod
     def at(cls, solution: Solution) -> Begun:
@@ -51,6 +52,22 @@ class Begun:
             parameters=_parameters(solution),
             at_rest=strengths_at_rest(solution),
             noise=_noise(solution),
+        )
+
+    @classmethod
+    def going_on(cls, solution: Solution, problem: Problem, anew: Collection[str], later: float = 0.0) -> Begun | None:
+        """A solution for the same problem with its samples at other times; None where its recordings fall into other pieces then.
+
+        anew: parameters that begin at their guesses. later: by how much more samples of all outputs were moved back [s].
+        """
+        begun = cls.at(solution)
+        if len(begun.followed.horizons) != len(problem.fitted):
+            return None
+        return replace(
+            begun,
+            followed=_sooner(begun.followed, later) if later else begun.followed,
+            parameters={name: value for name, value in begun.parameters.items() if name not in anew},
+            onward=True,
         )
 
     def with_noise(self, stds: list[dict[str, float]], free: Sequence[Collection[str]]) -> list[dict[str, float]]:
@@ -94,12 +111,12 @@ class Begun:
         return replace(cls.at(solution), followed=going, strange=True)
 
     def start(self, problem: Problem) -> Array:
-        """Where parameters start (np_all,): at their guesses, but for what a std holds about its guess, which starts where it was."""
+        """Where parameters start (np_all,): at their guesses, but those that go on, or that a std holds about them, where they were."""
         found, given = problem.values.copy(), problem.parameters
         for i in problem.free:
             name = problem.dae.parameters[i].name
             free = given[name]
-            if isinstance(free, Free) and free.std is not None and name in self.parameters:
+            if isinstance(free, Free) and (self.onward or free.std is not None) and name in self.parameters:
                 found[i] = np.clip(self.parameters[name], *problem.parameter_range(i))
         return found
 
@@ -139,6 +156,16 @@ def _named(old: Dae, dae: Dae, values: Array, otherwise: float) -> Array:
     """What belongs to the old model's states, for the new one's."""
     there = {q.name: v for q, v in zip(old.states, values, strict=True)}
     return np.array([there.get(q.name, otherwise) for q in dae.states])
+
+
+def _sooner(followed: Followed, by: float) -> Followed:
+    """The trajectories as they are `by` [s] later, and at their ends what they are there."""
+
+    def curve(number: int, times: Array) -> tuple[Array, Array]:
+        last = followed.transcription.horizons[number].mesh.knots[[0, -1]]
+        return followed.at(number, np.clip(times + by, *last))[1:]
+
+    return replace(followed, decisions=passing_through(followed.transcription, curve), covariance=None)
 
 
 def _parameters(solution: Solution) -> dict[str, float]:

@@ -10,12 +10,17 @@ and residual forces, so it holds from there to the next row: d is sought within 
 at a row would be one that the sample cannot have seen, a freedom to explain noise with, the more so the further off. Where d ends on an
 edge of its interval, d_0 moves that way, by strides that grow as long as the evidence per sample does and shrink where they went too far.
 In the end the samples are moved by d itself, between the rows, so that the estimate hangs on no series; its deviation does.
+
+The first solve may leave its interval by AHEAD of them: on a mesh that is about as coarse it tells well enough where to look. Until d is
+within its interval solves are rough ones, and every solve goes on from the best one before it, from its trajectories, weights and
+parameters: only the delays are others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -25,22 +30,29 @@ from backsight.models.errors import InputError
 from ..problem import Free, Problem
 from ..recordings.delay import moved
 from ..results import Smoothing
+from .begun import Begun
 
 PASSES = 16
 FARTHEST = 0.5  # of the shortest recording: a longer delay would cost more samples than it leaves
 MARGIN = 0.1  # intervals by which d may leave its interval, so that a delay of whole ones does not go to and fro
 GROWTH = 3.0  # of the stride, after one that leads on; where it went too far it shrinks as much
+LAST, NEAR = 3, 0.5  # solves about the delays themselves; deviations that they may be from where they are expanded
+AROUND = 0.5  # intervals by which d may leave its interval then: the rough solve before it has it less exactly
+AHEAD = 5.0  # intervals by which d may leave its interval at first, on a mesh about as coarse, to tell where to look
 ON_THE_EDGE = 1e-6  # intervals
 
+Smooth = Callable[[Problem, Begun | None], Smoothing]
 
-def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[Problem, Smoothing]:
+
+def settled(problem: Problem, smooth: Smooth, roughly: Smooth) -> tuple[Problem, Smoothing]:
     """The problem as posed in the end, the samples of delayed outputs moved to about where their delays are expanded, and smoothed.
 
-    Where no expansion was found that holds at the delay it gives, a note of the result says so.
+    smooth: a problem as it is posed, from what was found before, if anything was; roughly: the same, no better than a search for delays
+    asks for. Where no expansion was found that holds at the delay it gives, a note of the result says so.
     """
     sought = _sought(problem)
     if not sought:
-        return problem, smooth(problem)
+        return problem, smooth(problem, None)
     interval = min(r.input_sampling for r in problem.fitted)
     farthest = FARTHEST * min(float(r.time[-1] - r.time[0]) for r in problem.fitted) / interval
     guesses = {name: (p.guess if isinstance(p, Free) else p) / interval for name, p in sought.items()}
@@ -50,42 +62,138 @@ def settled(problem: Problem, smooth: Callable[[Problem], Smoothing]) -> tuple[P
                 f"delay of {_of(name)}: {guess * interval:g} s is more than {FARTHEST:g} of the shortest recording, "
                 f"{farthest * interval:g} s; give it in seconds, or leave the recording out."
             )
-    ranges = {name: _range(p, interval) for name, p in sought.items()}
-    # an estimate begins in the interval that ends after its guess; what is given needs no series
-    about = {n: float(np.floor(g)) + 1.0 if isinstance(sought[n], Free) else g for n, g in guesses.items()}
-    about = {name: float(np.clip(d, *ranges[name])) for name, d in about.items()}
-    posed = _posed(problem, about, guesses, interval)
-    result, tried, stride, way = smooth(posed), [about], 1.0, dict.fromkeys(sought, 0.0)
-    growth = GROWTH
-    for _ in range(PASSES if _arrived(result) else 0):
-        towards = _edges(result, about, sought, interval)
-        if any(way[name] * side < 0 for name, side in towards.items()):
-            stride, growth = max(map(abs, way.values())) / GROWTH, 1.0  # it went too far: back by less than it came
-        there = _moved(about, towards, stride, ranges)
-        while stride > 1.0 and (there in tried or max(map(abs, there.values())) > farthest):
-            stride, growth = stride / GROWTH, 1.0
-            there = _moved(about, towards, stride, ranges)
-        if there in tried or max(map(abs, there.values())) > farthest:
-            break
-        tried.append(there)
-        further = _posed(problem, there, {name: d - 0.5 for name, d in there.items()}, interval)
-        other = smooth(further)
-        if _better(other, result):
-            way = {name: there[name] - d for name, d in about.items()}
-            about, posed, result, stride = there, further, other, stride * growth
-        elif stride > 1.0:
-            stride, growth = stride / GROWTH, 1.0
+    search = _Search(asked=problem, sought=sought, interval=interval, farthest=farthest, smooth=smooth, roughly=roughly)
+    last = search.ended(search.found(search.began(guesses)))
+    return last.posed, replace(last.result, notes=(*last.result.notes, *_notes(last.about, sought, interval, search.open(last))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Placed:
+    """A problem with delays expanded about d_0 [intervals], which they may leave by a margin [intervals], and its result; whether rough."""
+
+    about: dict[str, float]
+    posed: Problem
+    result: Smoothing
+    margin: float = MARGIN
+    rough: bool = True
+
+    @property
+    def arrived(self) -> bool:
+        return _arrived(self.result)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Search:
+    """What stays the same over all solves; interval: [s], farthest: [intervals]."""
+
+    asked: Problem
+    sought: Mapping[str, Free | float]
+    interval: float
+    farthest: float
+    smooth: Smooth
+    roughly: Smooth
+
+    @cached_property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        return {name: _range(p, self.interval) for name, p in self.sought.items()}
+
+    def opened(self, delays: Mapping[str, float]) -> dict[str, float]:
+        """d_0 of the intervals in which delays are [intervals]; what is given needs no series."""
+        ends = {n: float(np.floor(d)) + 1.0 if isinstance(self.sought[n], Free) else d for n, d in delays.items()}
+        far = max(float(np.floor(self.farthest)), 1.0)
+        return {
+            name: float(np.clip(d, max(low, -far), min(high, far)))
+            for (name, d), (low, high) in zip(ends.items(), self.ranges.values(), strict=True)
+        }
+
+    def began(self, guesses: Mapping[str, float]) -> _Placed:
+        """The interval in which delays are, as seen from that of their guesses, or that one where nothing is seen from there."""
+        about = self.opened(guesses)
+        if not any(isinstance(p, Free) for p in self.sought.values()):
+            about = dict(guesses)
+            posed = _posed(self.asked, about, guesses, self.interval)
+            return _Placed(about=about, posed=posed, result=self.smooth(posed, None), rough=False)
+        posed = _posed(self.asked, about, guesses, self.interval, AHEAD)
+        far = _Placed(about=about, posed=posed, result=self.roughly(posed, None), margin=AHEAD)
+        if far.arrived:
+            seen = self.delays(far)
+            near = self.onward(far, self.opened(seen), seen, self.roughly)
         else:
-            break
-    open_ends = [name for name, side in _edges(result, about, sought, interval).items() if side]
-    there = {name: result.parameters[delay_name(name)].value / interval for name in about}
-    if _arrived(result) and not open_ends and there != about:
-        # once more about the delays themselves, where nothing is left of the series
-        further = _posed(problem, there, there, interval)
-        other = smooth(further)
-        if _arrived(other) and not any(_edges(other, there, sought, interval).values()):
-            about, posed, result = there, further, other
-    return posed, replace(result, notes=(*result.notes, *_notes(about, sought, interval, open_ends)))
+            posed = _posed(self.asked, about, guesses, self.interval)
+            near = _Placed(about=about, posed=posed, result=self.roughly(posed, None))
+        return near if near.arrived else replace(near, result=self.smooth(near.posed, None), rough=False)
+
+    def found(self, here: _Placed) -> _Placed:
+        """Delays expanded about the ends of the intervals in which they are; as near as strides led."""
+        tried, stride, growth, way = [here.about], 1.0, GROWTH, dict.fromkeys(self.sought, 0.0)
+        for _ in range(PASSES if here.arrived else 0):
+            towards = self.edges(here)
+            if any(way[name] * side < 0 for name, side in towards.items()):
+                stride, growth = max(map(abs, way.values())) / GROWTH, 1.0  # it went too far: back by less than it came
+            there = _moved(here.about, towards, stride, self.ranges)
+            while stride > 1.0 and (there in tried or max(map(abs, there.values())) > self.farthest):
+                stride, growth = stride / GROWTH, 1.0
+                there = _moved(here.about, towards, stride, self.ranges)
+            if there in tried or max(map(abs, there.values())) > self.farthest:
+                break
+            tried.append(there)
+            other = self.onward(here, there, {name: d - 0.5 for name, d in there.items()}, self.roughly)
+            if _better(other.result, here.result):
+                way = {name: there[name] - d for name, d in here.about.items()}
+                here, stride = other, stride * growth
+            elif stride > 1.0:
+                stride, growth = stride / GROWTH, 1.0
+            else:
+                break
+        return here
+
+    def ended(self, here: _Placed) -> _Placed:
+        """The whole about the delays themselves, where nothing is left of the series, if they are where they were sought."""
+        if not here.arrived or not (here.rough or self.open(here) or not self.near(here)):
+            return here
+        for _ in range(LAST if not self.open(here) else 0):
+            there = self.delays(here)
+            other = self.onward(here, there, there, self.smooth, AROUND)
+            if not other.arrived or self.open(other):
+                break
+            here = replace(other, rough=False)
+            if self.near(here):
+                break
+        return here if not here.rough else replace(self.onward(here, here.about, self.delays(here), self.smooth), rough=False)
+
+    def onward(
+        self, here: _Placed, there: dict[str, float], guesses: Mapping[str, float], smooth: Smooth, margin: float = MARGIN
+    ) -> _Placed:
+        """From a result to delays expanded about others; from the samples themselves where that leads nowhere."""
+        posed = _posed(self.asked, there, guesses, self.interval, margin)
+        later = (there.get(INPUTS, 0.0) - here.about.get(INPUTS, 0.0)) * self.interval
+        anew = {delay_name(name) for name in there}
+        begin = None if here.result.solution is None else Begun.going_on(here.result.solution, posed, anew, later)
+        result = smooth(posed, begin)
+        if begin is not None and not _arrived(result):
+            result = smooth(posed, None)
+        return _Placed(about=there, posed=posed, result=result, margin=margin)
+
+    def delays(self, here: _Placed) -> dict[str, float]:
+        """As they were estimated, or given [intervals]."""
+        return {name: here.result.parameters[delay_name(name)].value / self.interval for name in here.about}
+
+    def edges(self, here: _Placed) -> dict[str, float]:
+        """Of every delay: 1 where its estimate ended on the late edge of what is believed about d_0, -1 on the early one, 0 in between."""
+        rest = {name: d - here.about[name] if isinstance(self.sought[name], Free) else 0.0 for name, d in self.delays(here).items()}
+        late, early = here.margin - ON_THE_EDGE, -1.0 - here.margin + ON_THE_EDGE
+        return {name: float(r > late) - float(r < early) for name, r in rest.items()}
+
+    def open(self, here: _Placed) -> list[str]:
+        """The delays that are not where they are expanded."""
+        return [name for name, side in self.edges(here).items() if side]
+
+    def near(self, here: _Placed) -> bool:
+        """Whether delays are where they are expanded, as near as the recordings tell."""
+        stds = {name: here.result.parameters[delay_name(name)].std for name in here.about}
+        return all(
+            std is None or abs(self.delays(here)[name] - here.about[name]) * self.interval <= NEAR * std for name, std in stds.items()
+        )
 
 
 def _range(given: Free | float, interval: float) -> tuple[float, float]:
@@ -101,13 +209,6 @@ def _moved(
     """d_0 [intervals] a stride further, of at least one, within the ranges."""
     step = max(float(np.round(stride)), 1.0)
     return {name: float(np.clip(d + step * towards[name], *ranges[name])) for name, d in about.items()}
-
-
-def _edges(result: Smoothing, about: Mapping[str, float], sought: Mapping[str, Free | float], interval: float) -> dict[str, float]:
-    """Of every delay: 1 where its estimate ended on the late edge of what is believed about d_0, -1 on the early one, 0 in between."""
-    rest = {name: result.parameters[delay_name(name)].value / interval - d for name, d in about.items() if isinstance(sought[name], Free)}
-    sides = {name: float(r > MARGIN - ON_THE_EDGE) - float(r < -1.0 - MARGIN + ON_THE_EDGE) for name, r in rest.items()}
-    return {name: sides.get(name, 0.0) for name in about}
 
 
 def delays_of(problem: Problem) -> dict[str, Free | float]:
@@ -138,7 +239,7 @@ def _better(one: Smoothing, other: Smoothing) -> bool:
     return one.criteria.log_evidence / one.criteria.samples >= other.criteria.log_evidence / other.criteria.samples
 
 
-def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, float], interval: float) -> Problem:
+def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, float], interval: float, margin: float = MARGIN) -> Problem:
     """The problem with the samples of delayed outputs, or of all for the INPUTS, moved back, and their delays within reach.
 
     expanded, guesses: d_0 and where delays start [intervals], the latter but where a prior says what the guess means.
@@ -151,7 +252,7 @@ def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, 
         dae = with_samples_moved(dae, name, by) if by else dae
         free = parameters[delay_name(name)]
         if isinstance(free, Free):
-            low, high = max(free.min, about[name] - (1.0 + MARGIN) * interval), min(free.max, about[name] + MARGIN * interval)
+            low, high = max(free.min, about[name] - (1.0 + margin) * interval), min(free.max, about[name] + margin * interval)
             guess = free.guess if free.std is not None else float(np.clip(guesses[name] * interval, low, high))
             parameters[delay_name(name)] = replace(free, guess=guess, min=min(low, guess), max=max(high, guess))
     recordings = [

@@ -17,9 +17,10 @@ from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note
 from ..results import DETERMINED, DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
-from ..wording import listed, number, per_root_bandwidth
+from ..wording import listed, per_root_bandwidth
 from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
 from .beforehand import contradicted
+from .dead import on_dead_inputs, on_dead_outputs
 from .explaining import on_explaining, weighed_places
 from .horizons import shown_noise
 from .marginal import UNMOVED
@@ -28,7 +29,7 @@ from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
 from .suppositions import bound_notes, colour, noise_notes, supposed_notes
-from .undetermined import PULLED, REMEDY, hardly_told, open_combinations
+from .undetermined import PULLED, REMEDY, hardly_told, open_combinations, open_where_it_stopped
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def notes(
     errors: recording -> output -> standardised prediction errors (n,).
     """
     if not run.choice.solution.solved.status.converged:
-        return _without_an_answer(problem, run, residuals)
+        return _without_an_answer(problem, run, bounds, fit, residuals)
     shown, silent = shown_noise(problem), nothing_there(problem, run)
     misled = {which: said for which, said in too_sharp(problem, run, shown).items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
     doubts = contradictions(problem, run, shown)
@@ -70,7 +71,8 @@ def notes(
         *_on_few(problem),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
-        *_on_dead_inputs(problem),
+        *on_dead_inputs(problem),
+        *on_dead_outputs(problem),
         *_on_ranges(problem),
         *_on_the_start(problem.plain, run),
         *_on_forces(problem, run, silent),
@@ -87,7 +89,13 @@ def notes(
     )
 
 
-def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, ResidualSummary]) -> tuple[str, ...]:
+def _without_an_answer(
+    problem: Problem,
+    run: Run,
+    bounds: OnBounds | None,
+    fit: Mapping[str, Mapping[str, OutputFit]],
+    residuals: Mapping[str, ResidualSummary],
+) -> tuple[str, ...]:
     """Where a solve stopped its numbers say little: what may have kept it from arriving, the most telling first."""
     solution = run.choice.solution
     t = solution.transcription
@@ -98,11 +106,12 @@ def _without_an_answer(problem: Problem, run: Run, residuals: Mapping[str, Resid
         *too_sharp(problem, run, shown_noise(problem)).values(),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
-        *_on_dead_inputs(problem),
+        *on_dead_inputs(problem),
+        *on_dead_outputs(problem),
         *_on_ranges(problem),
         *outlier_notes(problem, solution, {}),
-        *_on_structure(problem),
-        *on_explaining(problem.posed, run.choice.solution, residuals),
+        *(_on_structure(problem) or open_where_it_stopped(problem.posed, solution, bounds, fit)),
+        *on_explaining(problem.posed, solution, residuals),
         *_on_the_start(problem.plain, run),
         f"No estimate: what is written is where the solver stopped.{where} Look at the plots of what was measured and modelled; check "
         f"units and signs, give guesses within a factor of three, fix what is known, and V where a sensor's noise is known{weights}.",
@@ -146,27 +155,6 @@ def _on_few(problem: Problem) -> list[str]:
 def _on_rates(problem: Problem) -> list[str]:
     note = rates_note([r for r in problem.recordings if r.role == "fit"])
     return [] if note is None else [note]
-
-
-def _on_dead_inputs(problem: Problem) -> list[str]:
-    """Inputs that are the same in every row that is fitted: a channel that was not plugged in, or a machine left to itself.
-
-    A supply that is constant beside an input that moves says nothing against the recording.
-    """
-    those = [r for r in problem.recordings if r.role == "fit"]
-    still: dict[float, list[str]] = {}
-    for q in problem.dae.inputs:
-        if all(q.name in r.inputs for r in those) and np.ptp(u := np.concatenate([r.inputs[q.name] for r in those])) == 0:
-            still.setdefault(float(u[0]), []).append(q.name)
-    found, moved = [], sum(map(len, still.values())) < len(problem.dae.inputs)
-    for value, names in still.items():
-        if value and moved:
-            continue
-        what = f"Input {names[0]} is" if len(names) == 1 else f"Inputs {listed(names)} are"
-        told = "only what the machine does by itself tells" if value == 0 else "only the start and what the machine does by itself tell"
-        doubt = " Is that so, or was a channel dead?" if value == 0 else ""
-        found.append(f"{what} {number(value)} in every row: {told} of it.{doubt}")
-    return found
 
 
 def _on_ranges(problem: Problem) -> list[str]:

@@ -9,11 +9,12 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from backsight.models.errors import InputError, SolveError
-from backsight.ocp import Solution
+from backsight.ocp import Options, Solution
 
 from ..arguments import check_kind
 from ..holds import with_better_hold
@@ -37,7 +38,7 @@ from .rest import friction_laws, smoothing_widths
 from .robust import Losses
 from .unseen import moving_unseen, unseen_states
 from .variances import LEAST_NOISE
-from .work import Work, to_the_end
+from .work import ROUGH, Work, to_the_end
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
@@ -93,15 +94,24 @@ def smoothing(
         settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))
         say = _until(time.monotonic() + settings.seconds, say)
 
-    def once(posed: Problem) -> Smoothing:
-        return _smoothed(posed, settings, Begun.at(begin) if isinstance(begin, Solution) else begin, say)
+    first = Begun.at(begin) if isinstance(begin, Solution) else begin
 
-    posed, result = with_better_hold(problem, lambda held: settled(held, once), once)
+    def once(posed: Problem, onward: Begun | None = None, how: Settings = settings) -> Smoothing:
+        # what no output shows needs the whole way (`Work.apart`), and weights that are held are those of the start
+        whole = onward is None or not settings.weigh or unseen_states(posed.plain)
+        return _smoothed(posed, how, first if whole else onward, say)
+
+    roughly = partial(once, how=replace(settings, check_mesh=False, marginal=False, options=_rougher(settings.options)))
+    posed, result = with_better_hold(problem, lambda held: settled(held, once, roughly), once)
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
         return result
     say("predicting what was held out")
     held_out, notes = predict(posed, result, lambda pieces: smoothing(pieces, settings=replace(settings, step=None)))
     return replace(result, held_out=held_out, notes=(*result.notes, *notes))
+
+
+def _rougher(options: Options) -> Options:
+    return replace(options, tolerance=max(options.tolerance, ROUGH.tolerance))
 
 
 class OutOfTime(SolveError):

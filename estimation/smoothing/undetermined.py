@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from backsight.ocp import Solution
 
 from ..problem import Problem
-from ..results import DETERMINED
+from ..results import DETERMINED, OutputFit
 from ..wording import listed
 from .on_bounds import OnBounds
 
@@ -19,8 +19,25 @@ Unknown = tuple[str, str, float]  # name, unit, size
 NAMED = 6  # unknowns of a direction, and directions, that are told one by one, the largest first
 PULLED = 3.0  # deviations beyond its bound from which on a parameter is sure to be pulled there
 LESS = 0.5  # of a deviation: what is left of it where it is another unknown's doing
+SLIGHT = 0.01  # of its size: an unknown that hardly moves with others is not named beside them
 REMEDY = "Fix one, give it a std, or use a richer recording"
+LEFT = "; this takes nothing from the deviations of all others"
+FOLLOWED = 90.0  # percent of an output's variation
 NOTHING = 1e-4  # of the largest entry of a direction, each in its own size: less is rounding
+
+
+def open_where_it_stopped(
+    problem: Problem, solution: Solution, bounds: OnBounds | None, fit: Mapping[str, Mapping[str, OutputFit]]
+) -> list[str]:
+    """The same as `open_combinations` and `hardly_told` of the last iterate of a solve that did not arrive.
+
+    Nothing where that does not follow the samples: what these tell is a question of the forces and motions that they show.
+    """
+    followed = all(f.fit_percent is not None and f.fit_percent > FOLLOWED for outputs in fit.values() for f in outputs.values())
+    if not followed:
+        return []
+    found = [*open_combinations(problem, solution, bounds), *hardly_told(problem, solution, bounds)]
+    return [f"At the last iterate, which is no estimate, {said[0].lower()}{said[1:].replace(LEFT, '')}" for said in found]
 
 
 def open_combinations(problem: Problem, solution: Solution, bounds: OnBounds | None) -> list[str]:
@@ -49,7 +66,7 @@ def open_combinations(problem: Problem, solution: Solution, bounds: OnBounds | N
     if len(said) > NAMED + 1:
         said = [*said[:NAMED], f"The recordings leave {len(said) - NAMED} more combinations open."]
     if np.any(np.abs(null[:, len(starts) :] / size[len(starts) :]) > NOTHING * np.abs(null / size).max()):
-        said[-1] += f" {REMEDY}; this takes nothing from the deviations of all others."
+        said[-1] += f" {REMEDY}{LEFT}."
     return said
 
 
@@ -81,7 +98,11 @@ def hardly_told(problem: Problem, solution: Solution, bounds: OnBounds | None) -
         along = np.linalg.inv(information[np.ix_(group, group)])[:, 0]
         step = np.zeros(len(everything))
         step[here[group]] = along / np.abs(along).max() * DETERMINED * size[group]
-        names, steps = _steps(everything, step * _way(step, bounds, step[here[j]]), here[group].tolist())
+        far = np.abs(step[here[group]] / size[group])
+        order = [here[group[k]] for k in np.argsort(-far, kind="stable") if far[k] > SLIGHT]
+        names, steps = _steps(everything, step * _way(step, bounds, step[here[j]]), order, 2 * NAMED)
+        if slight := len(group) - len(order):
+            steps += f", and {slight} more by less than {SLIGHT:.0%} of {'its' if slight == 1 else 'their'} size,".replace("%", " %")
         said.append(f"The recordings hardly tell {names} apart: moving {steps} changes next to nothing that was measured.")
     if len(said) > NAMED + 1:
         said = [*said[:NAMED], f"So it is with {len(said) - NAMED} more combinations."]
@@ -122,13 +143,13 @@ def _parameters(problem: Problem, solution: Solution) -> list[Unknown]:
     return found
 
 
-def _steps(unknowns: Sequence[Unknown], direction: Array, moving: Sequence[int]) -> tuple[str, str]:
-    """Which ones move, and each by how much."""
+def _steps(unknowns: Sequence[Unknown], direction: Array, moving: Sequence[int], named: int = NAMED) -> tuple[str, str]:
+    """Which ones move, and each by how much; named: so many of more."""
     names = [unknowns[k][0] for k in moving]
     steps = [f"{unknowns[k][0]} by {_quantity(direction[k], unknowns[k][1])}" for k in moving]
-    more = len(moving) - NAMED
+    more = len(moving) - named
     if more > 1:
-        names, steps = ([*few[:NAMED], f"{more} more"] for few in (names, steps))
+        names, steps = ([*few[:named], f"{more} more"] for few in (names, steps))
     return listed(names), listed(steps)
 
 

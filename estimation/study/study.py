@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, isfinite, nextafter
+from math import inf, isclose, isfinite, nextafter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,9 +21,11 @@ from pydantic import ValidationError
 
 from backsight.models import Dae, Model
 from backsight.models.augmentation.delay import INPUTS, delay_info
+from backsight.models.augmentation.parameters import case_name
 from backsight.models.dae import ParameterInfo
 from backsight.models.errors import InputError, suggestion
 
+from ..bounds import excluded
 from ..recordings.columns import InputColumn, OutputColumn
 from ..recordings.excitation import check_excitation, told_at_rest
 from ..recordings.recording import Recording
@@ -161,6 +163,8 @@ class Study:
         initial |= {name: Known(entry.value, entry.std) for name, entry in tables.items()}
         self._check_bounds()
         recordings = self.recordings
+        self._check_excluded()
+        self._check_noise()
         fitted = [recording for recording in recordings if recording.role == "fit"]
         if not fitted:
             raise InputError(f'{self.label}: no recording has role = "fit"; at least one is needed to estimate from')
@@ -237,6 +241,32 @@ class Study:
                 where = f'{self._at("bounds", name)}: bounds, "{name}"'
                 bound = f"min = {number(entry.min)}" if initial[name] < entry.min else f"max = {number(entry.max)}"
                 raise InputError(f"{where}: its initial value {number(initial[name])} lies outside ({bound}); move one of them")
+
+    def _check_excluded(self) -> None:
+        """Bounds within which a column has no sample that shows the state itself."""
+        bounds = {name: (entry.min, entry.max) for name, entry in self.file.bounds.items()}
+        given = {name: None if isinstance(entry, FreeParameter) else float(entry) for name, entry in self.file.parameters.items()}
+        for out in excluded(self.dae, self.recordings, bounds, given):
+            low, high = bounds[out.state]
+            bound = f"min = {number(low)}" if out.below else f"max = {number(high)}"
+            entry = next(e for e in self.file.recording if self._name(e) == out.recording).outputs[out.output]
+            column = entry if isinstance(entry, str) else entry.column
+            where = f'{self._at("bounds", out.state)}: bounds, "{out.state}", {bound} {out.unit}'
+            raise InputError(f"{where}: {out.said(column)}")
+
+    def _check_noise(self) -> None:
+        """One output, one V: that under weights would hold, and that of the column would be lost."""
+        for k, entry in enumerate(self.file.recording):
+            for name, column in entry.outputs.items():
+                for key in (case_name(name, self._name(entry)), name):
+                    if key not in self.file.weights.V or isinstance(column, str) or column.std is None:
+                        continue
+                    other = self.file.weights.V[key].deviation
+                    if not isclose(other, column.std, rel_tol=1e-9):
+                        where = f"{self._at('weights', 'V', key)}: weights, V, {key}, std is {number(other)}"
+                        line = self._at("recording", k, "outputs", name, "std").removeprefix(f"{self.label}, ")
+                        said = f"std of {name} in outputs of {self._name(entry)} is {number(column.std)} ({line})"
+                        raise InputError(f"{where}, and {said}; leave one out")
 
     def _weights(self) -> Weights:
         from ..problem import Weights, noise_names

@@ -121,6 +121,27 @@ def test_strides_that_come_back_to_where_they_were_are_made_shorter(delay):
     assert np.all(np.abs(scores(s, delay)) < 3.5), scores(s, delay)
 
 
+@pytest.mark.parametrize("ask", ["x", "inputs"])
+def test_however_far_a_delay_is_the_way_from_the_samples_is_gone_once(ask):
+    said: list[str] = []
+    r = replace(late(1, 0.28), open_delays=(ask,))
+    s = smooth(Problem(model=MODEL, recordings=[r], parameters=FREE, weights=Weights(W={"mass": 0.05})), progress=said.append)
+    found = s.parameters[f"delay:{ask}"]
+    assert abs(found.value - 0.28) < 3.5 * found.std
+    assert said.count("following the samples") == 1
+
+
+def test_what_is_carried_over_from_delay_to_delay_leads_where_a_start_with_that_delay_does():
+    r = recorded(1, 0.043, step=0.005, n=800, W=1.0)
+    free = Problem(model=MODEL, recordings=[replace(r, output_std={})], parameters=FREE)
+    s = smooth(free)
+    given = smooth(replace(free, parameters={**FREE, "delay:x": s.parameters["delay:x"].value}))
+    for name in FREE:
+        assert s.parameters[name].value == pytest.approx(given.parameters[name].value, abs=0.1 * given.parameters[name].std), name
+    assert s.weights.W["mass"] == pytest.approx(given.weights.W["mass"], rel=0.1)
+    assert s.weights.V["x"] == pytest.approx(given.weights.V["x"], rel=0.02)
+
+
 @pytest.mark.slow
 def test_a_sensor_that_is_slower_does_not_stretch_the_interval_of_the_series():
     model = oscillator()

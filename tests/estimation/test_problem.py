@@ -114,6 +114,40 @@ def test_it_says_which_argument_is_wrong_and_what_would_be_right(changes, messag
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("bounds", "gain", "message"),
+    [
+        ((10.0, 20.0), 1.0, "carriage.s = (10, 20): all samples of output x of run, which shows it, lie below: 0 .. 3 m"),
+        ((-20.0, -1.0), 1.0, "lie above: 0 .. 3 m"),
+        ((0.0, 2.0), 0.01, None),  # the axis goes a hundred times as far as is read, and is within its bounds at first
+        ((10.0, 20.0), 0.01, None),
+        ((1.0, 2.0), 0.01, None),
+        ((0.5, 0.9), 0.01, None),
+        ((-9.0, -1.0), -1.0, None),
+        ((10.0, 20.0), Free(1.0), None),  # nobody knows what is read
+    ],
+)
+def test_bounds_within_which_no_sample_lies_that_reads_a_state_are_refused(bounds, gain, message):
+    given = {"model": actuator(), "parameters": {"encoder.gain": gain}, "bounds": {"carriage.s": bounds}}
+    if message is None:
+        problem(**given)
+        return
+    with pytest.raises(InputError) as caught:
+        problem(**given)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("low", "allowed"), [(1.0 + 4e-3, True), (1.0 + 6e-3, False)])
+def test_a_machine_may_rest_on_its_bound_as_far_as_the_noise_of_its_sensor_goes(low, allowed):
+    resting = replace(RECORDING, outputs={"x": np.full(4, 1.0)}, output_std={"x": 1e-3})
+    given = {"recordings": [resting], "bounds": {"mass.s": (low, 2.0)}}
+    if allowed:
+        problem(**given)
+    else:
+        with pytest.raises(InputError, match="all samples of output x of run"):
+            problem(**given)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_known_start_must_be_a_number(value):
     with pytest.raises(InputError, match="initial"):

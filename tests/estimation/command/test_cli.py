@@ -439,6 +439,39 @@ def test_an_interrupt_ends_the_process_with_130_and_leaves_nothing(folder, which
     assert set(content(folder)) == before
 
 
+def test_an_interrupt_after_the_last_word_is_no_fault(folder):
+    """The interpreter still has a while to clear away: Ctrl-C would come out of whatever it is at."""
+    ask = "import atexit, os, signal, sys; atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))"
+    code = f"{ask}; from backsight.estimation.command.cli import main; sys.exit(main())"
+    ended = subprocess.run([sys.executable, "-c", code, "--version"], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.startswith("backsight 0.")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3])
+def test_an_interrupt_near_the_end_leaves_all_or_nothing_and_says_which(folder, after):
+    code = "import sys; from backsight.estimation.command.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", code, "simulate", "study.toml", "--out", "out", "--verbose"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "writing the report" in line:
+            break
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    written = {path.name for path in (folder / "out").iterdir()} if (folder / "out").exists() else set()
+    ends = {
+        (130, "interrupted: nothing was written\n"): set(),
+        (130, "interrupted: the results are in out\n"): {"result.json", "estimates.csv", "report.html"},
+        (0, ""): {"result.json", "estimates.csv", "report.html"},
+    }
+    assert written == ends[process.returncode, err]
+    assert process.returncode == 130 or out.endswith("results: out/report.html\n")
+    assert not [path for path in folder.rglob(".*") if path.name.startswith(".backsight-")]
+
+
 # ---------------------------------------------------------------- estimates taken along, recordings held out
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 
 from backsight.estimation.command.interrupt import remembered
 from backsight.estimation.command.output import json_text, results_folder, write_estimates
-from backsight.models.errors import InputError
+from backsight.models.errors import InputError, SolveError
 
 
 def test_the_folder_appears_only_when_everything_is_written(tmp_path):
@@ -101,6 +102,26 @@ def test_an_interrupt_among_the_renames_leaves_no_mixture(tmp_path, monkeypatch)
     assert {p.name: p.read_text() for p in tmp_path.iterdir()} == dict.fromkeys(("result.json", "estimates.csv", "report.html"), "new") | {
         "mine.txt": "old"
     }
+
+
+def test_an_interrupt_while_the_folder_is_cleared_away_leaves_nothing_of_it(tmp_path, monkeypatch):
+    plain, asked = shutil.rmtree, []
+
+    def interrupted(folder, **more):
+        asked.append(folder)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        plain(folder, **more)
+
+    def half_written():
+        with results_folder(tmp_path / "out") as folder:
+            (folder / "result.json").write_text("half")
+            raise SolveError("it does not arrive")
+
+    monkeypatch.setattr(shutil, "rmtree", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        half_written()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_rename_that_fails_brings_the_old_results_back(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.problem import Known
 from backsight.estimation.smoothing.beforehand import blamed, freed
 from backsight.estimation.smoothing.program import Settings
+from backsight.estimation.wording import measured
 from backsight.ocp import Options
 
 MISLEADS = "that contradicts the data, or the model lacks something. Values and deviations mislead."
@@ -84,7 +85,7 @@ def test_what_keeps_a_problem_from_an_answer_is_compared_with_the_answer_without
     without = smooth(plain)
     at, k = without.estimates["run"]["mass.s"].iloc[0], without.parameters["spring.k"]
     said = blamed(wrong, without)
-    assert f"spring.k would be {k.value:.6g} ± {k.std:.2g} N/m instead of 200 ± 0.01; mass.s would begin at {at:.6g} ± " in said
+    assert f"spring.k would be {' ± '.join(measured(k.value, k.std))} N/m instead of 200 ± 0.01; mass.s would begin at {at:.3f}" in said
     assert "offset.f" not in said  # agrees
     assert freed(posed(y)) is None
 

@@ -19,6 +19,7 @@ from backsight.estimation.smoothing.marginal import UNMOVED
 from backsight.estimation.smoothing.notes import _on_nothing_settled, on_errors, on_residuals
 from backsight.models import Dae
 from backsight.models.plants import actuator
+from backsight.ocp import Options
 
 REMEDY = "acts there. Stated deviations take it for white and may be too small; with"
 
@@ -168,6 +169,18 @@ def test_an_input_that_is_nothing_in_every_row_is_named():
     dead = replace(driven, inputs={"F": np.zeros(len(driven.time))})
     assert [note for note in notes_of(dead) if note.startswith("Input F is 0 in every row")]
     assert not [note for note in notes_of(driven) if "in every row" in note]
+
+
+@pytest.mark.parametrize("arrives", [True, False])
+def test_an_output_that_is_the_same_in_all_samples_is_named(arrives):
+    driven = axis_run(0, 0.02)
+    stuck = replace(driven, name="stuck", outputs={"x": np.full(len(driven.time), 0.25)})
+    free = {"mass.m": Free(PLANT.m), "spring.k": PLANT.k, "damper.d": PLANT.d, "offset.f": PLANT.offset}
+    settings = None if arrives else Settings(options=Options(gauss_newton_iterations=1, max_iterations=0))
+    s = smooth(Problem(model=MODEL, recordings=[driven, stuck], parameters=free), settings=settings)
+    assert s.solver.converged is arrives
+    (told,) = (note for note in s.notes if "in all" in note)
+    assert told.startswith(f"Output x is 0.25 m in all {len(driven.time)} samples of stuck: it tells nothing of its own noise")
 
 
 def test_bounds_that_the_physics_does_not_allow_are_named_once():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import truths
@@ -10,8 +12,10 @@ from examples import OFFSET, D, K, M, compiled, lagged, on_mass, oscillator
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
 from backsight.estimation.smoothing.notes import _on_structure
-from backsight.estimation.smoothing.undetermined import _together
+from backsight.estimation.smoothing.program import Settings
+from backsight.estimation.smoothing.undetermined import _together, open_where_it_stopped
 from backsight.models.mechanics.translational import Force, Spring
+from backsight.ocp import Options
 
 PLANT, STD = truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3
 FREE = {"mass.m": Free(3.0), "spring.k": Free(30.0), "damper.d": Free(1.0), "offset.f": Free(0.0)}
@@ -142,3 +146,32 @@ def test_what_no_recording_could_tell_is_said_where_a_solve_does_not_arrive(more
         assert told[0].startswith("No recording of x can tell all that is free")
         assert {"offset.f", "spring.s_rel0"} <= set(told[0].replace(",", " ").replace("*", " ").replace(";", " ").split())
         assert "mass.m" not in told[0]
+
+
+def of_one_frequency(w: float) -> Problem:
+    """A force of one frequency, long after the start: of mass and spring it tells k - m w^2."""
+    rng, time = np.random.default_rng(0), 0.01 * np.arange(800)
+    u = 20 * np.sin(w * time)
+    y = truths.disturbed(PLANT, time, u, np.array([0.02, -0.1]), 0.1, rng)[:, 0] + STD * rng.normal(size=len(time))
+    late = time >= 4.0
+    run = Recording(name="run", time=time[late], inputs={"F": u[late]}, outputs={"x": y[late]}, output_std={"x": STD})
+    return Problem(model=compiled(oscillator()), recordings=[run], parameters=FREE, weights=Weights(W={"mass": 10.0}))
+
+
+def test_a_solve_that_did_not_arrive_says_from_its_last_iterate_what_trades_off():
+    stopped = smooth(of_one_frequency(7.0), settings=Settings(options=Options(gauss_newton_iterations=1, max_iterations=1)))
+    assert not stopped.solver.converged
+    (note,) = [n for n in stopped.notes if "apart" in n]
+    assert note.startswith("At the last iterate, which is no estimate, the recordings hardly tell")
+    said = dict(part.split(" by ") for part in note.split("moving ")[1].split(" changes")[0].replace(" and ", ", ").split(", "))
+    assert set(said) == {"mass.m", "spring.k"}
+    kilogram, newton = float(said["mass.m"].removesuffix(" kg")), float(said["spring.k"].removesuffix(" N/m"))
+    assert newton / kilogram == pytest.approx(7.0**2, rel=0.03)
+    assert "takes nothing" not in note
+    arrived = smooth(of_one_frequency(7.0))
+    assert arrived.solver.converged
+    assert any(n.startswith("The recordings hardly tell") for n in arrived.notes)
+    assert stopped.solution is not None
+    posed, lost = of_one_frequency(7.0).posed, {"run": {"x": replace(stopped.fit["run"]["x"], fit_percent=20.0)}}
+    assert open_where_it_stopped(posed, stopped.solution, None, stopped.fit) == [note]
+    assert open_where_it_stopped(posed, stopped.solution, None, lost) == []  # it does not follow the samples

@@ -36,6 +36,7 @@ inputs = { F = "F_N" }
 outputs = { x = { column = "x_m", std = 1e-5 } }
 """
 RECORDING = STUDY[STUDY.index("[[recording]]") :]
+NOISY = STUDY.replace(", std = 1e-5", "")  # nobody says how noisy the sensor is
 
 
 @pytest.fixture
@@ -107,18 +108,24 @@ def test_names_need_no_quotes(folder):
 
 
 def test_weights_are_standard_deviations_or_their_inverse_squares(folder):
-    text = STUDY + '\n[weights]\nW = { "carriage" = { weight = 0.25 } }\nV = { x = { std = 3e-6 } }\n'
+    text = NOISY + '\n[weights]\nW = { "carriage" = { weight = 0.25 } }\nV = { x = { std = 3e-6 } }\n'
     weights = study(folder, text).problem().weights
     assert weights.W == {"carriage": 2.0}
     assert weights.V == {"x": 3e-6}
 
 
 def test_the_noise_of_one_recording_is_named_by_its_file_and_range(folder):
-    alone = study(folder, STUDY + '\n[weights]\nV = { "x [record.csv]" = { std = 3e-6 } }\n').problem()
+    alone = study(folder, NOISY + '\n[weights]\nV = { "x [record.csv]" = { std = 3e-6 } }\n').problem()
     assert alone.weights.noise("x", alone.recordings[0].name) == 3e-6
-    two = RECORDING.replace("role", "range = [0.0, 0.9]\nrole") + "\n" + RECORDING.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
-    parts = study(folder, swap(RECORDING, two) + '\n[weights]\nV = { "x [record.csv [1, 1.9]]" = { std = 3e-6 } }\n').problem()
+    own = NOISY[NOISY.index("[[recording]]") :]
+    two = own.replace("role", "range = [0.0, 0.9]\nrole") + "\n" + own.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
+    parts = study(folder, swap(own, two, NOISY) + '\n[weights]\nV = { "x [record.csv [1, 1.9]]" = { std = 3e-6 } }\n').problem()
     assert [parts.weights.noise("x", r.name) for r in parts.recordings] == [None, 3e-6]
+
+
+def test_a_noise_that_is_given_twice_alike_is_no_matter(folder):
+    twice = study(folder, STUDY + '\n[weights]\nV = { "x" = { weight = 1e10 } }\n').problem()
+    assert twice.weights.V["x"] == pytest.approx(twice.recordings[0].output_std["x"], rel=1e-12)
 
 
 def test_initial_values_and_the_horizon_are_read(folder):
@@ -250,6 +257,23 @@ def test_a_model_may_come_from_a_file_beside_the_study(folder):
         (STUDY + '\n[bounds]\n"carriage.s" = { min = 1.0, max = 0.0 }\n', ("line 17", "min = 1 is not below max = 0")),
         (STUDY + "\n[initial]\ncarriage.v = 0.5\n\n[bounds]\ncarriage.v = { min = 1.0 }\n", ("line 20", "value 0.5", "(min = 1)")),
         (STUDY + "\n[initial]\ncarriage.v = 2\n\n[bounds]\ncarriage.v = { max = 1.0 }\n", ("line 20", "value 2", "(max = 1)")),
+        (
+            STUDY + '\n[bounds]\n"carriage.s" = { min = 1.0 }\n',
+            (
+                "line 17",
+                '"carriage.s", min = 1 m',
+                'all samples of column "x_m" of record.csv',
+                "lie below: -0.1 .. 0.1 m; give other bounds",
+            ),
+        ),
+        (
+            STUDY + '\n[weights]\nV = { "x" = { std = 2e-5 } }\n',
+            ("line 17", "V, x, std is 2e-05", "std of x", "is 1e-05 (line 14)", "leave one"),
+        ),
+        (
+            STUDY + '\n[weights]\nV = { "x [record.csv]" = { weight = 1e8 } }\n',
+            ("V, x [record.csv], std is 0.0001", "(line 14); leave one out"),
+        ),
         (STUDY + '\n[bounds]\n"carriage.x" = { min = 1.0 }\n', ("line 17", 'unknown state "carriage.x"')),
         (STUDY + '\n[weights]\nV = { "speed" = { std = 2.0 } }\n', ('output or input "speed"', "x")),
         (

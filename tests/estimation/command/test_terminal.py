@@ -1,0 +1,24 @@
+"""The tables that the command prints: no two numbers that differ look alike."""
+
+from __future__ import annotations
+
+import pytest
+
+from backsight.estimation.command.terminal import _size
+from backsight.estimation.results import OutputFit
+
+
+@pytest.mark.parametrize(
+    ("percent", "shown"),
+    [
+        (99.99731, "99.9973 %"),
+        (99.9999, "99.99990 %"),
+        (99.834, "99.83 %"),
+        (72.16, "72.2 %"),
+        (-1489.73, "-1489.7 %"),
+        (None, "no variation to explain"),
+    ],
+)
+def test_a_fit_near_a_hundred_percent_shows_what_is_missing_to_it(percent, shown):
+    fit = OutputFit(rms=1.25e-4, fit_percent=percent, whiteness_p=None)
+    assert _size(fit, "m") == f"rms 0.000125 m ({shown})"
