@@ -99,12 +99,25 @@ def weigh(
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
         unseen = _held_out(posed, recordings, knobs, best, theta, say)
-        stand = Stand(fitted=knobs, held_out=unseen, start=best.solution.solved.decisions)
-        outcomes = _solved(stand, settings(knobs.weights, candidates, theta), pool, at_hand(jobs, scheduler), keep, say)
-    chosen, why = _recommended(outcomes)
-    say("smoothing with the recommended weights")
-    weights = _weights(posed.weights, knobs, np.array(chosen.setting.theta))
-    result = smooth(replace(opened(replace(problem, recordings=recordings)), weights=weights), progress=say)
+        stand, chains = (
+            Stand(fitted=knobs, held_out=unseen, start=best.solution.solved.decisions),
+            settings(knobs.weights, candidates, theta),
+        )
+        whole = opened(replace(problem, recordings=recordings))
+
+        def with_weights(setting: Setting) -> Problem:
+            return replace(whole, weights=_weights(posed.weights, knobs, np.array(setting.theta)))
+
+        # most often those are recommended: with several workers this goes beside the settings
+        likeliest = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
+        begun = None if at_hand(jobs, scheduler) == 1 else pool.submit(smooth, with_weights(likeliest))
+        outcomes = _solved(stand, chains, pool, at_hand(jobs, scheduler), keep, say)
+        chosen, why = _recommended(outcomes)
+        say("smoothing with the recommended weights")
+        if begun is not None and chosen.setting == likeliest:
+            result = begun.result()
+        else:
+            result = smooth(with_weights(chosen.setting), progress=say)
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,

@@ -88,6 +88,8 @@ def test_two_processes_give_the_same_and_what_is_kept_is_not_solved_again(found,
     for one, other in zip(found.outcomes, side_by_side.outcomes, strict=True):
         assert one.setting == other.setting
         assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
+    for name, p in found.recommended.parameters.items():
+        assert side_by_side.recommended.parameters[name].value == pytest.approx(p.value, rel=1e-6)
     files = sorted(keep.iterdir())
     assert len(files) == len(found.outcomes)
     files[0].write_text("{ torn", encoding="utf-8")
