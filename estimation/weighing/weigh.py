@@ -114,10 +114,8 @@ def weigh(
         outcomes = _solved(stand, chains, pool, at_hand(jobs, scheduler), keep, say)
         chosen, why = _recommended(outcomes)
         say("smoothing with the recommended weights")
-        if begun is not None and chosen.setting == likeliest:
-            result = begun.result()
-        else:
-            result = smooth(with_weights(chosen.setting), progress=say)
+        ready = begun if chosen.setting == likeliest else None
+        result = smooth(with_weights(chosen.setting), progress=say) if ready is None else ready.result()
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,
