@@ -24,10 +24,10 @@ from backsight.ocp import Options, Solution
 
 from ..problem import Free, Problem
 from ..results import Smoothing
-from ..smoothing.begun import Begun, force_stds
+from ..smoothing.begun import Begun, followed_by, force_stds
 from ..smoothing.horizons import sampling_interval
 from ..smoothing.program import Settings
-from ..smoothing.rest import strengths_at_rest
+from ..smoothing.rest import other_widths, strengths_at_rest
 from ..smoothing.smoother import OutOfTime, smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
@@ -172,10 +172,20 @@ def fitted(
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
+        if there is not None and (widths := _other_widths(now, result)):
+            result = smoothing(settled(weighed, result), settings=replace(settings, widths=widths), begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=True)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
+
+
+def _other_widths(problem: Problem, result: Smoothing) -> dict[str, float]:
+    """Widths of friction laws with which it is worth another fit, for its own motion asks for them."""
+    solution = result.solution
+    if solution is None or not solution.solved.status.converged:
+        return {}
+    return other_widths(problem.posed, solution, followed_by(solution), moving_unseen(problem.plain))
 
 
 def _fineness(problem: Problem, solution: Solution) -> float:

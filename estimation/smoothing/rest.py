@@ -29,6 +29,7 @@ from .law_velocity import velocity_of
 Room = NDArray[np.bool_]
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
+OTHER = 1.02  # times a width: what evidence would notice
 SHARPER = 0.1  # of that: the least width where a body rests
 RESTS = 0.3  # of the velocities, that are slow where a body rests and does not only turn
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
@@ -100,6 +101,18 @@ def smoothing_widths(problem: Problem, laws: tuple[FrictionLaw, ...], followed: 
         if np.any(v):
             widths[law.width] = max(rounding(v, resting=not set(law.places) & set(unseen)), least)
     return widths
+
+
+def other_widths(problem: Problem, solution: Solution, followed: Followed, unseen: Collection[int]) -> dict[str, float]:
+    """Names and values of widths that the trajectories of a solution, followed, ask for where that has others.
+
+    A sensor's gain makes another motion of its samples. Of two models that say the same of these the one whose signs are the sharper would
+    be the better one, by hundreds of nats.
+    """
+    laws = tuple(law for law in friction_laws(problem) if not set(law.places) & set(unseen))
+    asked = smoothing_widths(problem, laws, followed, unseen)
+    names = [p.name for p in problem.dae.parameters]
+    return {names[i]: width for i, width in asked.items() if abs(np.log(width / solution.parameters[i])) > np.log(OTHER)}
 
 
 def rounding(velocity: Array, resting: bool = True) -> float:

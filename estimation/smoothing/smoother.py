@@ -21,31 +21,23 @@ from ..holds import with_better_hold
 from ..problem import Problem
 from ..recordings.gaps import rates_note
 from ..results import Smoothing
-from .along import RIGID, exact_forces
-from .approach import NEAR, TIGHTEST, approach
 from .beforehand import blamed, freed
 from .begun import Begun
 from .delays import settled
 from .horizons import check_varies, output_stds, shown_noise
-from .initial_guess import balance
 from .lifted import lifted, measured_by
 from .marginal import UNMOVED
-from .meshing import follow_closely
 from .outcome import outcome
 from .prediction import predict
 from .program import Settings
 from .rest import friction_laws, smoothing_widths
-from .robust import Losses
+from .start import from_samples, from_solution
 from .unseen import moving_unseen, unseen_states
 from .variances import LEAST_NOISE
 from .work import ROUGH, Work, to_the_end
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
-
-SUPPOSED = 0.5  # of the forces at a body that only a hypothesis has and no output shows: a larger residual force there explains for it
-TIGHT = 0.03  # of the residual forces that an approach ends with: as loose as these are trajectories go to gross outliers, and stay
-WILD = 3.0  # of the forces at any body that no output shows: with a larger residual force the model says nothing about it
 
 
 def smooth(
@@ -133,61 +125,37 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     began = time.perf_counter()
     asked, plain, problem = problem, problem.plain, problem.posed
     stds, open_outputs = output_stds(problem)
+    laws, parameters, noise = friction_laws(plain), problem.values, LEAST_NOISE * shown_noise(problem)
     if begin is None:
-        say("following the samples")
-        followed = follow_closely(plain, stds, settings.step)
+        begun = from_samples(plain, stds, laws, settings, say)
     else:
-        followed, stds = begin.followed, begin.with_noise(stds, open_outputs)
-    laws, parameters = friction_laws(plain), problem.values
-    given = {k: problem.weights.W[p.name] for k, p in enumerate(problem.dae.places) if p.name in problem.weights.W}
-    start, floor = parameters.copy() if begin is None else begin.start(problem), dict[int, float]()
-    ceiling, hidden = dict[int, float](), moving_unseen(plain)
-    strengths = {} if begin is None else {k: begin.at_rest[p.name] for k, p in enumerate(problem.dae.places) if p.name in begin.at_rest}
-    if begin is not None:
-        exact = exact_forces(problem, followed, start)
-        # a place that only this model has gets the share of its forces that an approach ends with
-        force_std = {k: begin.force_std.get(problem.dae.places[k].name, TIGHTEST / RIGID * least) for k, least in exact.items()}
-        floor = {k: min(std, exact[k]) for k, std in force_std.items()}
-        names = {k: problem.dae.places[k].name for k in hidden if k not in given}
-        new = {k for k, name in names.items() if name in settings.supposed or name not in begin.force_std}
-        ceiling = {k: (SUPPOSED if k in new else WILD) / RIGID * exact[k] for k in names}
-    elif plain.free or unseen_states(plain):
-        least = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
-        begun = approach(plain, followed, laws, start, least, say)
-        followed, start, force_std = begun.followed, begun.parameters, begun.force_std
-        floor = {k: RIGID * begun.whole[k] for k in force_std}
-        if begun.share <= NEAR:  # else the forces of where it stopped say nothing
-            ceiling = {k: WILD * begun.whole[k] for k in hidden if k in force_std and k not in given}
-    else:
-        force_std = balance(plain, followed, start).force_std
-    noise = LEAST_NOISE * shown_noise(problem)
-    if begin is not None:  # it may have been found to be less than samples seem to show
+        stds = begin.with_noise(stds, open_outputs)
+        begun = from_solution(problem, plain, begin, settings.supposed)
+        # it may have been found to be less than samples seem to show
         noise = np.minimum(noise, [[table.get(q.name, np.inf) for q in problem.dae.outputs] for table in stds])
-    ceiling = {k: min(most, settings.most.get(problem.dae.places[k].name, np.inf)) for k, most in ceiling.items()}
-    if not settings.weigh:
-        given = {**force_std, **given}
+    followed, start = begun.followed, begun.parameters
+    places = dict(enumerate(p.name for p in problem.dae.places))
+    given = {k: problem.weights.W[name] for k, name in places.items() if name in problem.weights.W}
+    force_std = {**begun.force_std, **given}
     along_it = plain if begin is None else problem  # what `followed` has the unknowns of
-    for index, width in smoothing_widths(along_it, laws, followed, hidden).items():
-        parameters[index] = start[index] = width
+    for index, width in smoothing_widths(along_it, laws, followed, moving_unseen(plain)).items():
+        parameters[index] = start[index] = settings.widths.get(problem.dae.parameters[index].name, width)
     parameters = measured_by(problem, parameters, start)
     work = Work(
         problem=problem,
         settings=settings,
         laws=laws,
         parameters=parameters,
-        given=given,
+        given=given if settings.weigh else force_std,
         open_outputs=tuple(open_outputs),
         say=say,
-        floor=floor,
+        floor=begun.floor,
         noise=noise,
         apart=begin is None and bool(plain.free and unseen_states(plain)) and to_the_end(settings),
-        strengths=strengths,
-        ceiling=ceiling,
+        strengths=begun.strengths,
+        ceiling={k: min(most, settings.most.get(places[k], np.inf)) for k, most in begun.ceiling.items()},
     )
     followed = followed if begin is not None else lifted(problem, plain, followed, start)
-    if begin is None and Losses.of(problem) is not None:
-        force_std = {k: TIGHT * std for k, std in force_std.items()}
-    force_std = {**force_std, **given}
     run, build = work.run(followed, stds, force_std, start, begin)
     if work.apart and (UNMOVED in run.said or not run.choice.solution.solved.status.converged):
         say("parameters together with the trajectories")

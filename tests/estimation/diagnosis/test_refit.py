@@ -145,6 +145,20 @@ def test_two_names_of_one_effect_have_one_evidence_in_whatever_units():
     assert force.worth.nats > evidence(problem, base) + 50
 
 
+def test_a_sensors_gain_makes_another_motion_over_which_friction_is_rounded_as_far_as_before():
+    """x -> g x is d -> d/g with mass and friction free: with a sharper sign for its motion the one would be likelier than the other."""
+    problem = posed(run(2.0, 2e-3, f_c=20.0, d=200.0), W={}, friction__d=170.0, friction__f_c=Free(15.0, min=0.0))
+    base = smooth(problem)
+    gain = next(c for c in of_sensor(problem.model, "x", [], 2e-3, 1.0) if c.physics == "sensor_gain")
+    damping = next(c for c in library(problem, problem.model, base.solution) if c.physics == "wrong_parameter" and c.place == "friction")
+    starts = ((gain, 0.8), (damping, 205.0))
+    read, damped = (fitted(problem, problem.model, base.solution, c, {c.strengths[0]: start}) for c, start in starts)
+    assert read.result.value(gain.strengths[0]) == pytest.approx(0.85, abs=2e-3)
+    assert read.result.value("friction.width") == pytest.approx(damped.result.value("friction.width") / 0.85, rel=0.02)
+    assert damped.result.value("friction.width") == pytest.approx(base.value("friction.width"), rel=0.02)
+    assert read.worth.nats - evidence(problem, base) == pytest.approx(damped.worth.nats - evidence(problem, base), rel=0.05)
+
+
 def test_what_is_not_there_has_evidence_against_it_in_whatever_units():
     problem = posed(run(1.0, 2e-3))
     base = smooth(problem)

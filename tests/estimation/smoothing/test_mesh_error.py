@@ -10,7 +10,8 @@ import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.smoothing import mesh_error, smoother, work
+from backsight.estimation.smoothing import mesh_error, work
+from backsight.estimation.smoothing import start as begun
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solved, Solver, Status, transcribe
 
@@ -109,8 +110,8 @@ def test_a_first_weight_far_too_small_gets_a_second_mesh_and_does_no_harm(monkey
     recording = Recording(name="run", time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": 1e-4})
     usual = fitted(recording, None)
     assert not any("chosen anew" in note for note in usual.notes)
-    first = smoother.approach
-    monkeypatch.setattr(smoother, "approach", lambda *a: replace(first(*a), force_std={0: 1e-3}))
+    first = begun.approach
+    monkeypatch.setattr(begun, "approach", lambda *a: replace(first(*a), force_std={0: 1e-3}))
     monkeypatch.setattr(work.Work, "roughly", lambda *_: None)
     s = fitted(recording, None)
     assert any("the mesh was chosen anew" in note for note in s.notes)
