@@ -34,15 +34,17 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
     return Explanation(place=c.place, family=c.family, physics=c.physics, gap=gap, parameters=strengths)
 
 
-def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes) -> Finding:
-    """The best of the fits of a round, with those that cannot be told from it and those that can."""
+def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
+    """The best of the fits of a round, with those that cannot be told from it and those that can; same: some that cannot."""
     c, s, f = best
     rivals, others = list[Explanation](), list[Explanation]()
     for d, _, g in fits:
         if d.key == c.key:
             continue
         gap = float(f.gain - g.gain)
-        if gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
+        if d in same:
+            rivals.append(explained(d, g.result, max(gap, 0.0)))
+        elif gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
             rivals.append(explained(d, g.result, gap))
         elif np.isfinite(gap):
             others.append(explained(d, g.result, gap))

@@ -32,6 +32,7 @@ from .choice import (
 from .elimination import Bare
 from .findings import Judged, explained, finding, nameless, renewed, verdict
 from .fits import Base, Fits
+from .indistinct import indistinct
 from .library import library
 from .offsets import counted_out
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
@@ -289,7 +290,9 @@ class Search:
         if not good:
             return False
         best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
-        self._keep(base, self._set_in(best), fits, found, sizes)
+        same = indistinct(best, good)
+        best, same = min([best, *same], key=lambda f: (f[0].plainness, -f[2].gain)), [best, *same]
+        self._keep(base, self._set_in(best), fits, found, sizes, [f[0] for f in same])
         return True
 
     def _set_in(self, best: Judged) -> Judged:
@@ -343,12 +346,14 @@ class Search:
         fits: list[Judged],
         found: Screen,
         sizes: Sizes,
+        same: Sequence[Candidate] = (),
     ) -> None:
+        """The best becomes a part of the model. same: candidates that nobody can tell from it."""
         c, _, f = best
         had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        new = finding(base, best, fits, found, sizes)
+        new = finding(base, best, fits, found, sizes, same)
         stay = [not c.replaces(old) for old in self.accepted]
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
