@@ -14,7 +14,6 @@ from backsight.ocp.polynomials import Array
 from ..problem import Problem
 
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
-GEOMETRY = {"m", "rad", "1"}  # units of what says where a force acts, not how strong it is
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -31,22 +30,19 @@ def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Arr
 def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False) -> dict[int, float]:
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
-    The terms are the balance's derivatives times what it is differentiated by: x', z, u, p; or x where there are none of these. Positions
-    count together: a spring between two bodies bears its stiffness times what it is stretched, and not times where either of them is; so no
-    length and no ratio is a factor of a term by itself. varying: without their means, so that a weight that hangs in the air is nothing.
+    The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
+    between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
+    weight that hangs in the air is nothing.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
     rows = dae.balances_of(places)
     F = dae.undisturbed(dae.residual[rows])
-    strengths = [i for i, q in enumerate(dae.parameters) if q.unit not in GEOMETRY]
-    acting = ca.vertcat(dae.dx, dae.z, dae.u, *(dae.p[i] for i in strengths))
+    acting = ca.vertcat(dae.dx, dae.z, dae.u, dae.p)
     told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
     parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
-    positions = sorted({acting.shape[0] + i for i, _, _ in dae.kinematics})
-    stretched = ca.sum2(parts[:, positions]) if positions else ca.SX(len(rows), 1)
     parts[told, acting.shape[0] :] = 0
-    terms = ca.vec(ca.densify(ca.horzcat(parts, stretched)))
+    terms = ca.vec(ca.densify(parts))
     found = []
     for number, horizon in enumerate(followed.horizons):
         times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]

@@ -13,13 +13,14 @@ In the end the samples are moved by d itself, between the rows, so that the esti
 
 The first solve may leave its interval by AHEAD of them: on a mesh that is about as coarse it tells well enough where to look. Until d is
 within its interval solves are rough ones, and every solve goes on from the best one before it, from its trajectories, weights and
-parameters: only the delays are others.
+parameters: only the delays are others. Where that leads no further on an edge, solves
+from the samples some strides ahead are asked before the search ends.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -63,7 +64,7 @@ def settled(problem: Problem, smooth: Smooth, roughly: Smooth) -> tuple[Problem,
                 f"{farthest * interval:g} s; give it in seconds, or leave the recording out."
             )
     search = _Search(asked=problem, sought=sought, interval=interval, farthest=farthest, smooth=smooth, roughly=roughly)
-    last = search.ended(search.found(search.began(guesses)))
+    last = search.best(search.found(search.began(guesses)))
     return last.posed, replace(last.result, notes=(*last.result.notes, *_notes(last.about, sought, interval, search.open(last))))
 
 
@@ -84,7 +85,7 @@ class _Placed:
 
 @dataclass(frozen=True, kw_only=True)
 class _Search:
-    """What stays the same over all solves; interval: [s], farthest: [intervals]."""
+    """What stays the same over all solves; interval: [s], farthest: [intervals]. aside: passed by, with delays where they were sought."""
 
     asked: Problem
     sought: Mapping[str, Free | float]
@@ -92,6 +93,7 @@ class _Search:
     farthest: float
     smooth: Smooth
     roughly: Smooth
+    aside: list[_Placed] = field(default_factory=list)
 
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -119,8 +121,7 @@ class _Search:
             seen = self.delays(far)
             near = self.onward(far, self.opened(seen), seen, self.roughly)
         else:
-            posed = _posed(self.asked, about, guesses, self.interval)
-            near = _Placed(about=about, posed=posed, result=self.roughly(posed, None))
+            near = self.anew(about, guesses)
         return near if near.arrived else replace(near, result=self.smooth(near.posed, None), rough=False)
 
     def found(self, here: _Placed) -> _Placed:
@@ -138,6 +139,10 @@ class _Search:
                 break
             tried.append(there)
             other = self.onward(here, there, {name: d - 0.5 for name, d in there.items()}, self.roughly)
+            self._seen(other)
+            if not _better(other.result, here.result) and stride <= 1.0:
+                other = self.beyond(here, towards) or other
+                there = other.about
             if _better(other.result, here.result):
                 way = {name: there[name] - d for name, d in here.about.items()}
                 here, stride = other, stride * growth
@@ -146,6 +151,39 @@ class _Search:
             else:
                 break
         return here
+
+    def best(self, here: _Placed) -> _Placed:
+        """What a search found; where that is on an edge in the end, and so nowhere, what it passed by that is not.
+
+        With gross outliers evidence is no judge: what explains them by more noise loses least.
+        """
+        last = self.ended(here)
+        if not self.open(last) or not self.aside:
+            return last
+        other = self.aside[0]
+        for one in self.aside[1:]:
+            other = one if _better(one.result, other.result) else other
+        other = self.ended(other)
+        return last if self.open(other) else other
+
+    def beyond(self, here: _Placed, towards: Mapping[str, float]) -> _Placed | None:
+        """What is better some strides ahead, from the samples themselves, where the next one is not: None where nothing is.
+
+        With gross outliers, and far from the delay, what was carried over is astray, and evidence rises and falls on the way.
+        """
+        for stride in (GROWTH, GROWTH**2) if any(towards.values()) else ():
+            there = _moved(here.about, towards, stride, self.ranges)
+            if max(map(abs, there.values())) > self.farthest:
+                break
+            other = self.anew(there, {name: d - 0.5 for name, d in there.items()})
+            self._seen(other)
+            if _better(other.result, here.result):
+                return other
+        return None
+
+    def _seen(self, there: _Placed) -> None:
+        if there.arrived and not self.open(there):
+            self.aside.append(there)
 
     def ended(self, here: _Placed) -> _Placed:
         """The whole about the delays themselves, where nothing is left of the series, if they are where they were sought."""
@@ -173,6 +211,11 @@ class _Search:
         if begin is not None and not _arrived(result):
             result = smooth(posed, None)
         return _Placed(about=there, posed=posed, result=result, margin=margin)
+
+    def anew(self, there: dict[str, float], guesses: Mapping[str, float]) -> _Placed:
+        """Delays expanded about these from the samples themselves."""
+        posed = _posed(self.asked, there, guesses, self.interval)
+        return _Placed(about=there, posed=posed, result=self.roughly(posed, None))
 
     def delays(self, here: _Placed) -> dict[str, float]:
         """As they were estimated, or given [intervals]."""

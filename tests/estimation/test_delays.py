@@ -265,3 +265,17 @@ def test_a_sensors_delay_is_no_parameter_of_the_plant_to_simulate_with(tmp_path)
     values = {"mass.m": {"value": 2.5, "fixed": False}, "delay:x": {"value": 0.01, "fixed": False}}
     (tmp_path / "result.json").write_text(json.dumps({"model": MODEL.name, "parameters": values}))
     assert estimated_parameters(tmp_path, MODEL) == {"mass.m": 2.5}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("delay", "every"), [(0.12, 2), (0.08, 1)])
+def test_gross_outliers_do_not_end_the_search_for_a_delay_on_an_edge(delay, every):
+    """Far from the delay what follows outliers is astray, and more noise explains them better than the truth does."""
+    run, rng = late(1, delay), np.random.default_rng(1)
+    y = run.outputs["x"].copy()
+    y[rng.choice(np.arange(20, 380), 6, replace=False) // every * every] += rng.choice([-1.0, 1.0], 6) * 500 * STD
+    y[np.arange(400) % every > 0] = np.nan
+    spoilt = replace(run, outputs={"x": y}, output_std={}, output_loss={"x": "huber"})
+    s = smooth(Problem(model=MODEL, recordings=[spoilt], parameters=FREE))
+    assert s.solver.converged
+    assert np.all(np.abs(scores(s, delay)) < 3.5), scores(s, delay)
