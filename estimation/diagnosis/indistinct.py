@@ -49,7 +49,9 @@ def _name(c: Candidate) -> tuple[str, ...]:
 def _stands_out(one: Judged, std: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None) -> bool:
     """Whether strengths as a fit has them would be told with these deviations; with none nothing is."""
     c, _, f = one
-    if std is None or f.result is None or len(std) != len(c.strengths):
-        return std is not None
+    if std is None:
+        return False
+    if f.result is None or len(std) != len(c.strengths):
+        return True
     size = np.array([f.result.parameters[n].value - c.neutral(n) for n in c.strengths])
     return bool(np.any(np.abs(size) > TOLD * std))

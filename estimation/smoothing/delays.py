@@ -138,7 +138,7 @@ class _Search:
             if there in tried or max(map(abs, there.values())) > self.farthest:
                 break
             tried.append(there)
-            other = self.onward(here, there, {name: d - 0.5 for name, d in there.items()}, self.roughly)
+            other = self.onward(here, there, _midst(there), self.roughly)
             self._seen(other)
             if not _better(other.result, here.result) and stride <= 1.0:
                 other = self.beyond(here, towards) or other
@@ -171,11 +171,11 @@ class _Search:
 
         With gross outliers, and far from the delay, what was carried over is astray, and evidence rises and falls on the way.
         """
-        for stride in (GROWTH, GROWTH**2) if any(towards.values()) else ():
+        for stride in (GROWTH, GROWTH**2):
             there = _moved(here.about, towards, stride, self.ranges)
             if max(map(abs, there.values())) > self.farthest:
                 break
-            other = self.anew(there, {name: d - 0.5 for name, d in there.items()})
+            other = self.anew(there, _midst(there))
             self._seen(other)
             if _better(other.result, here.result):
                 return other
@@ -252,6 +252,11 @@ def _moved(
     """d_0 [intervals] a stride further, of at least one, within the ranges."""
     step = max(float(np.round(stride)), 1.0)
     return {name: float(np.clip(d + step * towards[name], *ranges[name])) for name, d in about.items()}
+
+
+def _midst(about: Mapping[str, float]) -> dict[str, float]:
+    """Where delays start in the intervals that end at these [intervals]."""
+    return {name: d - 0.5 for name, d in about.items()}
 
 
 def delays_of(problem: Problem) -> dict[str, Free | float]:

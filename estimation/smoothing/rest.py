@@ -29,8 +29,8 @@ from .law_velocity import velocity_of
 Room = NDArray[np.bool_]
 
 ROUNDING = 0.01  # smoothing width of a friction law over the rms of its velocity
-OTHER = 1.02  # times a width: what evidence would notice
 SHARPER = 0.1  # of that: the least width where a body rests
+OTHER = 1.02  # times a width: what evidence would notice
 RESTS = 0.3  # of the velocities, that are slow where a body rests and does not only turn
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
