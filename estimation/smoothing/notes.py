@@ -15,7 +15,7 @@ from backsight.ocp import Solution
 
 from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note
-from ..results import DETERMINED, DOUBT, TELLING, OutputFit, ResidualSummary
+from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
 from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth
 from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
@@ -28,8 +28,8 @@ from .mesh_error import allowed
 from .on_bounds import OnBounds
 from .outliers import outlier_notes
 from .rest import near_rest
-from .suppositions import bound_notes, colour, noise_notes, supposed_notes
-from .undetermined import PULLED, REMEDY, hardly_told, open_combinations, open_where_it_stopped
+from .suppositions import colour, noise_notes, pulled_notes, supposed_notes, unpulled_notes
+from .undetermined import REMEDY, hardly_told, open_combinations, open_where_it_stopped
 from .unseen import unseen_states
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def notes(
         *misled.values(),
         *on_explaining(problem.posed, run.choice.solution, residuals),
         *_on_nothing_settled(run),
+        *pulled_notes(problem.posed, run.choice.solution, bounds),
         *noise_notes(problem, estimates),
         *_on_far_ones(problem.posed, run.choice.solution),
         *_on_few(problem),
@@ -282,8 +283,7 @@ def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[
     if solution.curvature is None:
         found.append("The solver ended on no minimum: no deviations are given.")
     found += open_combinations(problem, solution, bounds) + hardly_told(problem, solution, bounds)
-    found += [_on_its_bound(problem, solution, k, bounds) for k in solution.parameters_on_bounds.tolist()]
-    found += bound_notes(problem, solution)
+    found += unpulled_notes(problem, solution, bounds)
     share = _share_with_room(solution)
     if share > 0:
         found.append(
@@ -303,30 +303,6 @@ def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[
                 "smaller step."
             )
     return found
-
-
-def _on_its_bound(problem: Problem, solution: Solution, number: int, bounds: OnBounds | None) -> str:
-    """What a parameter on a bound means for the others; number: among the free ones."""
-    t = solution.transcription
-    info, value = t.dae.parameters[t.nlp.free[number]], solution.solved.decisions[t.nlp.trajectory_size + number]
-    value = problem.nearest_bound(t.nlp.free[number], float(value))
-    start = f"{info.name} ended on its bound, {value:.6g} {info.unit}"
-    if bounds is None:
-        return f"{start}: all other values and deviations suppose that it is right."
-    k = bounds.places.tolist().index(number)
-    if bounds.beyond[k] > PULLED:
-        pull = f"the data pull it {bounds.beyond[k]:.2g} deviations beyond"
-        return f"{start}: {pull}, and all other values and deviations suppose that it is right."
-    if not np.isfinite(bounds.reach[k]):
-        return f"{start}, but the recordings do not tell it."
-    if not np.isfinite(bounds.beyond[k]):
-        return f"{start}: the recordings tell it together with others that are on their bounds, and all else supposes that these are right."
-    include = "deviations of the other parameters include that, those of trajectories and of what drifts do not"
-    free = [(t.dae.parameters[i], float(solution.parameters[i])) for i in t.nlp.free]
-    size = np.array([max(abs(value), abs(q.nominal)) or 1.0 for q, value in free])
-    if np.max(np.abs(bounds.follow[:, k]) * bounds.reach[k] / size) > DETERMINED:  # farther than what is linear
-        return f"{start}, but the recordings hardly tell it: {include}."
-    return f"{start}, and may as well be {bounds.reach[k]:.2g} {info.unit} inside of it (one chance in twenty): {include}."
 
 
 def _on_far_ones(problem: Problem, solution: Solution) -> list[str]:

@@ -1,4 +1,4 @@
-"""What was supposed beyond the model, in words, and which bounds of states were met."""
+"""What was supposed beyond the model, in words, and which bounds were met."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ import pandas as pd
 from backsight.ocp import Solution
 
 from ..problem import Problem
+from ..results import DETERMINED
 from ..supposed import noisy_inputs
 from .agreement import MISLEAD
+from .on_bounds import OnBounds
+from .undetermined import PULLED
 
 KINDS = {"ou": "Ornstein-Uhlenbeck", "matern": "Matern 3/2"}
 MOSTLY = 0.5, 2.0  # of the variance of an input's steps from row to row: between these its noise is what they are
@@ -67,8 +70,52 @@ def colour(problem: Problem, place: str) -> str:
     return f", the rms of a coloured force ({kind}, {problem.weights.tau[place]:.3g} s)"
 
 
-def bound_notes(problem: Problem, solution: Solution) -> list[str]:
-    """For every state that ended on a bound a sentence; problem: the posed one."""
+def pulled_notes(problem: Problem, solution: Solution, bounds: OnBounds | None) -> list[str]:
+    """For every bound on which all else depends a sentence: of parameters that the data pull beyond it, of states that lie on it.
+
+    problem: the posed one.
+    """
+    pulled = [k for k in solution.parameters_on_bounds.tolist() if _pull(bounds, k) > PULLED]
+    return [_on_its_bound(problem, solution, k, bounds) for k in pulled] + _states_on_bounds(problem, solution)
+
+
+def unpulled_notes(problem: Problem, solution: Solution, bounds: OnBounds | None) -> list[str]:
+    """The same of the other parameters on bounds, which may as well lie inside of them or are not told."""
+    others = [k for k in solution.parameters_on_bounds.tolist() if not _pull(bounds, k) > PULLED]
+    return [_on_its_bound(problem, solution, k, bounds) for k in others]
+
+
+def _pull(bounds: OnBounds | None, number: int) -> float:
+    """Deviations by which the data pull a parameter beyond its bound; inf where nobody could look."""
+    return np.inf if bounds is None else float(bounds.beyond[bounds.places.tolist().index(number)])
+
+
+def _on_its_bound(problem: Problem, solution: Solution, number: int, bounds: OnBounds | None) -> str:
+    """What a parameter on a bound means for the others; number: among the free ones."""
+    t = solution.transcription
+    info, value = t.dae.parameters[t.nlp.free[number]], solution.solved.decisions[t.nlp.trajectory_size + number]
+    value = problem.nearest_bound(t.nlp.free[number], float(value))
+    start = f"{info.name} ended on its bound, {value:.6g} {info.unit}"
+    if bounds is None:
+        return f"{start}: all other values and deviations suppose that it is right."
+    k = bounds.places.tolist().index(number)
+    if bounds.beyond[k] > PULLED:
+        pull = f"the data pull it {bounds.beyond[k]:.2g} deviations beyond"
+        return f"{start}: {pull}, and all other values and deviations suppose that it is right."
+    if not np.isfinite(bounds.reach[k]):
+        return f"{start}, but the recordings do not tell it."
+    if not np.isfinite(bounds.beyond[k]):
+        return f"{start}: the recordings tell it together with others that are on their bounds, and all else supposes that these are right."
+    include = "deviations of the other parameters include that, those of trajectories and of what drifts do not"
+    free = [(t.dae.parameters[i], float(solution.parameters[i])) for i in t.nlp.free]
+    size = np.array([max(abs(value), abs(q.nominal)) or 1.0 for q, value in free])
+    if np.max(np.abs(bounds.follow[:, k]) * bounds.reach[k] / size) > DETERMINED:  # farther than what is linear
+        return f"{start}, but the recordings hardly tell it: {include}."
+    return f"{start}, and may as well be {bounds.reach[k]:.2g} {info.unit} inside of it (one chance in twenty): {include}."
+
+
+def _states_on_bounds(problem: Problem, solution: Solution) -> list[str]:
+    """For every state that ended on a bound a sentence."""
     t = solution.transcription
     nx, met = t.nlp.interpolation.states, np.zeros(t.nlp.size, dtype=bool)
     met[list(solution.solved.on_bound)] = True

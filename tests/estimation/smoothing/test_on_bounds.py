@@ -112,6 +112,7 @@ def test_far_from_what_the_data_want_a_bound_is_named_with_its_pull_and_nothing_
     held = smoothed(damper=(mean[2] + 8 * std[2], INF))
     note = next(n for n in held.notes if n.startswith("damper.d ended on its bound"))
     assert float(note.split("pull it ")[1].split()[0]) == pytest.approx(8.0, rel=0.05)
+    assert held.notes[0] == note  # all else depends on it
     assert not any("apart" in n for n in held.notes)
     rest = np.sqrt(np.diag(covariance)[[0, 1, 3]] - covariance[[0, 1, 3], 2] ** 2 / covariance[2, 2])
     np.testing.assert_allclose([held.parameters[NAMES[k]].std for k in (0, 1, 3)], rest, rtol=0.05)
