@@ -61,13 +61,23 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Trimmed:
+    """A fit without the samples that a robust loss found far off, `outliers` in number; rms and fit_percent as in `OutputFit`."""
+
+    rms: float
+    fit_percent: float | None
+    outliers: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class OutputFit:
     """How well one output is met.
 
     rms [unit of the output] of measured minus smoothed; fit_percent 100 (1 - |e|/|y - mean y|). Of the standardised prediction errors
     (`validation/innovations.py`), or of measured minus modelled where nothing was smoothed: whiteness_p and normality_p, chances of what
     is seen if they are white, and normal; effective_samples: how many independent ones of the `samples` their mean is worth;
-    prediction_rms: 1 where the weights are right; None where nothing was smoothed.
+    prediction_rms: 1 where the weights are right; None where nothing was smoothed. trimmed: the same fit without its outliers; None where
+    no loss expects any, or none was found.
     """
 
     rms: float
@@ -77,6 +87,12 @@ class OutputFit:
     effective_samples: float | None = None
     samples: int = 0
     prediction_rms: float | None = None
+    trimmed: Trimmed | None = None
+
+    @property
+    def ordinary(self) -> OutputFit | Trimmed:
+        """Whose rms and fit_percent are those of the samples that count in full."""
+        return self.trimmed or self
 
     @property
     def overstated(self) -> float:

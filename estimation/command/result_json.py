@@ -210,6 +210,7 @@ def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[
                 "effective_samples": f.effective_samples,
                 "samples": f.samples,
                 "prediction_rms": f.prediction_rms,
+                "without_outliers": None if f.trimmed is None else asdict(f.trimmed),
                 "role": role,
             }
             for name, f in outputs.items()

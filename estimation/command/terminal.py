@@ -111,7 +111,8 @@ def _estimated(answer: Smoothing | Tracking, heading: str) -> Table:
 
 
 def _size(fit: OutputFit, unit: str) -> str:
-    return f"rms {fit.rms:.3g} {unit} ({_share(fit.fit_percent)})"
+    but = "" if fit.trimmed is None else f" without {fit.trimmed.outliers} outlier{'s' if fit.trimmed.outliers > 1 else ''}"
+    return f"rms {fit.ordinary.rms:.3g} {unit} ({_share(fit.ordinary.fit_percent)}){but}"
 
 
 def _whiteness(fit: OutputFit) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ..recordings.recording import Recording
     from ..results import OutputFit, ParameterEstimate, ResidualSummary, Smoothing
 
-__all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty"]
+__all__ = ["answer", "code", "noise_std", "oddities", "whiteness_sentence", "with_uncertainty", "without"]
 
 NAMED = 6  # parameters named in the sentence; the table has them all
 VANISHED = 1e-6  # of its guess: a parameter that ran towards zero and met no bound, for nothing pulled it there
@@ -73,18 +73,27 @@ def _met(result: Smoothing) -> str:
         return ""
     if len(fits) > 3:
         known = sorted(
-            (f.fit_percent, name, output) for name, output, f in fits if f.fit_percent is not None and np.isfinite(f.fit_percent)
+            (f.ordinary.fit_percent, name, output)
+            for name, output, f in fits
+            if f.ordinary.fit_percent is not None and np.isfinite(f.ordinary.fit_percent)
         )
         if not known:
             return ""
         (worst, name, output), best = known[0], known[-1][0]
-        return f" {len(fits)} outputs are met with a fit of {percent(worst)} ({code(output)} on {code(name)}) to {percent(best)}."
+        left = sum(f.trimmed.outliers for _, _, f in fits if f.trimmed)
+        but = f", {without(left)}" if left else ""
+        return f" {len(fits)} outputs are met with a fit of {percent(worst)} ({code(output)} on {code(name)}) to {percent(best)}{but}."
     met = []
     for name, output, fit in fits:
         where = f" on {code(name)}" if len(result.fit) > 1 else ""
-        rms = escape(quantity(fit.rms, result.units.get(output, "")))
-        met.append(f"{code(output)} is met to {rms} rms{where} (fit {percent(fit.fit_percent)})")
+        rms = escape(quantity(fit.ordinary.rms, result.units.get(output, "")))
+        but = f" {without(fit.trimmed.outliers)}" if fit.trimmed else ""
+        met.append(f"{code(output)} is met to {rms} rms{where} (fit {percent(fit.ordinary.fit_percent)}){but}")
     return f" {joined(met)}."
+
+
+def without(outliers: int) -> str:
+    return f"without {count(outliers)} outlier{'s' if outliers > 1 else ''}"
 
 
 def _predicted(result: Smoothing) -> str:
@@ -171,7 +180,7 @@ def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit
     seen = error[np.isfinite(error)]
     if seen.size < 20:
         return []
-    rms, found = float(np.sqrt(np.mean(seen**2))), []
+    rms, found = float(np.sqrt(np.mean(seen**2))) if fit is None or fit.trimmed is None else fit.trimmed.rms, []
     if std is not None and std > 0 and not 0.5 <= rms / std <= 2.0:
         ratio = rms / std
         verb = f"{number(ratio, 2)} times" if ratio > 1 else f"only {number(100 * ratio, 2)} % of"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..wording import per_root_bandwidth
 from .answer import whiteness_sentence
-from .quantities import NOTHING, number, percent, pretty, quantity, uncertain
+from .quantities import NOTHING, count, number, percent, pretty, quantity, uncertain
 
 if TYPE_CHECKING:
     from ..results import Criteria, OutputFit, Prediction, Profile, Smoothing
@@ -64,15 +64,19 @@ def correlation_table(result: Smoothing) -> str:
 
 
 def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> str:
-    """Recording, output, rms error, fit, whiteness p with a sentence."""
-    rows = []
+    """Recording, output, rms error, fit, whiteness p with a sentence; where a loss left outliers out their number, and both with them."""
+    rows, robust = [], any(f.trimmed for outputs in fit.values() for f in outputs.values())
     for name, outputs in fit.items():
         for output, f in outputs.items():
             p = "< 0.0001" if f.whiteness_p is not None and f.whiteness_p < 1e-4 else number(f.whiteness_p, 2)
-            rms = quantity(f.rms, result.units.get(output, ""))
-            rows.append([name, output, rms, percent(f.fit_percent), p, whiteness_sentence(f)])
-    head = ["recording", "output", "rms error", "fit", "whiteness p", "the prediction errors"]
-    return table(head, rows, words=(0, 1, 5), codes=(0, 1))
+            unit, left = result.units.get(output, ""), [NOTHING, NOTHING]
+            if f.trimmed is not None:
+                left = [count(f.trimmed.outliers), f"{quantity(f.rms, unit)} ({percent(f.fit_percent)})"]
+            size = [quantity(f.ordinary.rms, unit), percent(f.ordinary.fit_percent)]
+            rows.append([name, output, *size, *(left if robust else []), p, whiteness_sentence(f)])
+    apart = ["outliers left out", "with them"] if robust else []
+    head = ["recording", "output", "rms error", "fit", *apart, "whiteness p", "the prediction errors"]
+    return table(head, rows, words=(0, 1, len(head) - 1), codes=(0, 1))
 
 
 def profile_table(profiles: Mapping[str, Profile]) -> str:
@@ -124,7 +128,7 @@ def weight_table(result: Smoothing) -> str:
     for name, std in result.weights.V.items():
         output, _, of = name.partition(" [")
         unit = result.units.get(output, "")
-        met = [f[output].rms for recording, f in result.fit.items() if output in f and of in ("", f"{recording}]")]
+        met = [f[output].ordinary.rms for recording, f in result.fit.items() if output in f and of in ("", f"{recording}]")]
         used = quantity(float(np.sqrt(np.mean(np.square(met)))), unit) if met else NOTHING
         rows.append(["V", name, quantity(std, unit), used, "noise of the output, white from sample to sample"])
     return table(["", "of", "std", "rms found", "meaning"], rows, words=(0, 1, 4), codes=(1,))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from backsight.ocp import Solution
 
@@ -21,6 +22,7 @@ from .innovations import innovations
 from .patterns import QUIET, companion, own_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Mask = NDArray[np.bool_]
 
 ROWS = 20_000  # enough for a correlation
 
@@ -29,10 +31,12 @@ ROWS = 20_000  # enough for a correlation
 class Validation:
     """errors: recording -> output -> standardised prediction errors (n,), pieces one after the other. force_p: place -> p of whiteness.
 
-    Empty where the solution is no minimum. weighed: whether weights were chosen from the data.
+    far: recording -> output -> the samples that a robust loss found far off (n,); empty where all losses are squares. All are empty where
+    the solution is no minimum. weighed: whether weights were chosen from the data.
     """
 
     errors: dict[str, dict[str, Array]] = field(default_factory=dict)
+    far: dict[str, dict[str, Mask]] = field(default_factory=dict)
     criteria: Criteria | None = None
     force_p: dict[str, float] = field(default_factory=dict)
     weighed: bool = False
@@ -43,7 +47,10 @@ class Validation:
         for name, y in recording.outputs.items():
             # of smoothed errors nobody knows whether they are as coloured as they should be
             errors = self.errors.get(recording.name, {}).get(name, np.full(len(y), np.nan))
-            out[name] = output_fit(y, table[name].to_numpy(), errors, int(self.weighed))
+            smoothed, far = table[name].to_numpy(), np.zeros(len(y), dtype=bool)
+            if (found := self.far.get(recording.name, {}).get(name)) is not None:
+                far[np.flatnonzero(np.isfinite(smoothed))[found]] = True  # a row of no piece has no estimate
+            out[name] = output_fit(y, smoothed, errors, int(self.weighed), far)
         return out
 
 
@@ -54,12 +61,18 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
     if filtered is None or tested is None:
         return Validation(weighed=weighed)
     dae = solution.transcription.dae
-    errors: dict[str, dict[str, list[Array]]] = {name: {q.name: [] for q in dae.outputs} for name in recordings}
-    for name, run in zip(recordings, tested.horizons, strict=True):
-        for i, q in enumerate(dae.outputs):
-            errors[name][q.name].append(run.errors[:, i])
+    runs = [run.errors for run in tested.horizons]
+    starts = np.cumsum([len(run) for run in runs])[:-1]
+    far = np.split(solution.far.T, starts) if isinstance(solution, RobustSolution) else []
+
+    def told(of: Sequence[np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+        """Recording -> output -> one column of all its horizons."""
+        tables = {name: np.concatenate([run for n, run in zip(recordings, of, strict=True) if n == name]) for name in recordings}
+        return {name: {q.name: table[:, i] for i, q in enumerate(dae.outputs)} for name, table in tables.items()}
+
     return Validation(
-        errors={name: {output: np.concatenate(parts) for output, parts in table.items()} for name, table in errors.items()},
+        errors=told(runs),
+        far=told(far) if far else {},
         criteria=criteria(solution, filtered),
         force_p={dae.places[k].name: p for k, p in force_whiteness(solution, tested).items()},
         weighed=weighed,

@@ -16,7 +16,17 @@ import pytest
 from backsight.estimation.problem import Weights
 from backsight.estimation.recordings.recording import Recording
 from backsight.estimation.report import write_report, write_simulation_report
-from backsight.estimation.results import Companion, Criteria, OutputFit, ParameterEstimate, Profile, ResidualSummary, Smoothing, SolverFacts
+from backsight.estimation.results import (
+    Companion,
+    Criteria,
+    OutputFit,
+    ParameterEstimate,
+    Profile,
+    ResidualSummary,
+    Smoothing,
+    SolverFacts,
+    Trimmed,
+)
 
 NAME = "axis <1>.csv"
 UNITS = {"t_s": "s", "x": "m", "carriage.s": "m", "carriage.v": "m/s", "residual.carriage": "N", "F": "N"}
@@ -188,6 +198,20 @@ def test_the_words_say_how_well_it_fits_and_that_nothing_is_odd(page: Page) -> N
     assert f"Unexplained: 0.3 N rms at carriage, 0.42 % of the input F ({force} N rms)" in page.text
     assert "Nothing looks odd" in page.text
     assert "cannot be told from white noise" in page.text
+
+
+def test_outliers_that_a_loss_left_out_are_counted_apart_and_spoil_no_figure(tmp_path: Path) -> None:
+    result, recordings = made()
+    frame = result.estimates[NAME].copy()
+    frame.loc[[100, 900], "x.measured"] += 0.5
+    fit = OutputFit(rms=0.0158, fit_percent=88.8, whiteness_p=0.31, trimmed=Trimmed(rms=1.01e-6, fit_percent=99.9986, outliers=2))
+    write_report(replace(result, fit={NAME: {"x": fit}}, estimates={NAME: frame}), tmp_path / "page.html", recordings=recordings)
+    text = Page(tmp_path / "page.html").text
+    assert "x is met to 1.01 µm rms (fit 99.9986 %) without 2 outliers" in text
+    assert "outliers left out" in text
+    assert "15.8 mm (88.8 %)" in text
+    assert "times the noise it was weighed with" not in text
+    assert "2 samples of x lie more than six robust standard deviations off." in text
 
 
 def test_weights_rules_and_solver_facts_are_on_the_page(page: Page) -> None:

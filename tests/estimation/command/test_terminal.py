@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from backsight.estimation.command.terminal import _size
-from backsight.estimation.results import OutputFit
+from backsight.estimation.results import OutputFit, Trimmed
 
 
 @pytest.mark.parametrize(
@@ -22,3 +22,8 @@ from backsight.estimation.results import OutputFit
 def test_a_fit_near_a_hundred_percent_shows_what_is_missing_to_it(percent, shown):
     fit = OutputFit(rms=1.25e-4, fit_percent=percent, whiteness_p=None)
     assert _size(fit, "m") == f"rms 0.000125 m ({shown})"
+
+
+def test_outliers_that_a_loss_left_out_do_not_count_in_what_is_shown_and_are_counted():
+    fit = OutputFit(rms=0.3, fit_percent=-12.0, whiteness_p=None, trimmed=Trimmed(rms=1.25e-4, fit_percent=99.83, outliers=12))
+    assert _size(fit, "m") == "rms 0.000125 m (99.83 %) without 12 outliers"

@@ -195,6 +195,22 @@ def test_one_percent_of_outliers_a_thousand_deviations_off_move_no_estimate_by_h
     assert max(abs(squares.parameters[n].value - clean.parameters[n].value) / clean.parameters[n].std for n in TRUE) > 5
 
 
+def test_the_fit_is_told_without_the_outliers_that_the_loss_left_out_too():
+    """They are known, and so are rows that belong to no piece: a single one between two gaps."""
+    whole, clean = (recorded(5, share=share) for share in (0.01, 0.0))
+    off = np.abs(whole.outputs["x"] - clean.outputs["x"]) > 0.5
+    rows = np.r_[:100, 115, 130:300]
+    r = replace(whole, time=whole.time[rows], inputs={"F": whole.inputs["F"][rows]}, outputs={"x": whole.outputs["x"][rows]}, gap=0.1)
+    s = fitted(r)
+    fit, told = s.fit["run"]["x"], ~off[rows] & (rows != 115)
+    error = (s.estimates["run"]["x.measured"] - s.estimates["run"]["x"]).to_numpy()[told]
+    assert fit.trimmed is not None
+    assert fit.trimmed.outliers == np.count_nonzero(off[rows])
+    assert fit.trimmed.rms == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+    assert fit.trimmed.rms < 1.2 * STD < 0.1 * fit.rms
+    assert fitted(recorded(5, loss="square")).fit["run"]["x"].trimmed is None
+
+
 @pytest.mark.parametrize("given", [True, False])
 def test_outliers_that_are_squared_are_named_with_the_remedy(given):
     s = fitted(recorded(3, share=0.01, loss="square", given=given))

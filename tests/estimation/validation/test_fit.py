@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from backsight.estimation.results import Trimmed
 from backsight.estimation.validation.fit import output_fit
 
 
@@ -20,6 +21,15 @@ def test_missing_samples_are_left_out():
     whole = output_fit(np.array([1.0, 2.0, 4.0]), np.array([1.0, 2.5, 4.0]))
     holed = output_fit(np.array([1.0, np.nan, 2.0, 4.0]), np.array([1.0, 77.0, 2.5, 4.0]))
     assert whole == holed
+
+
+def test_what_a_loss_found_far_off_is_counted_and_left_out_beside_the_fit_of_all():
+    y, smoothed = np.array([1.0, 2.0, 90.0, 3.0, np.nan, 4.0]), np.array([1.0, 2.0, 3.0, 3.0, 3.0, 6.0])
+    fit = output_fit(y, smoothed, far=np.array([False, False, True, False, True, False]))
+    assert fit.rms == pytest.approx(np.sqrt((87.0**2 + 2.0**2) / 5))
+    assert fit.ordinary == Trimmed(rms=pytest.approx(1.0), fit_percent=pytest.approx(100 * (1 - 2 / np.sqrt(5))), outliers=1)
+    none = output_fit(y, smoothed, far=np.zeros(6, dtype=bool))
+    assert (none.trimmed, none.ordinary) == (None, none)
 
 
 def test_a_constant_or_empty_measurement_has_no_percent():
