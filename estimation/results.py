@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .problem import Weights
+from .validation.together import largest_rejected
 from .wording import measured
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-DOUBT = 0.01  # chance of what is seen if a hypothesis holds, below which it is doubted aloud
+DOUBT = 0.01  # chance of what is seen if all hypotheses of a run hold, below which one is doubted aloud
 DETERMINED = 0.5  # a parameter counts as identified when its std is below this share of its size
 TELLING = 1.2  # factor on a deviation from which on it is said
 
@@ -153,6 +154,13 @@ class ResidualSummary:
     rest_rms: float | None = None
 
 
+def doubted(fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, ResidualSummary]) -> float:
+    """Up to which p the tests of one run are doubted, so that in all of them together a true hypothesis has the chance DOUBT."""
+    tests = [p for outputs in fit.values() for f in outputs.values() for p in (f.whiteness_p, f.normality_p)]
+    tests += [r.whiteness_p for r in residuals.values()]
+    return largest_rejected((p for p in tests if p is not None and np.isfinite(p)), DOUBT)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Criteria:
     """How well the model explains the samples for the freedom it took (`validation/criteria.py`); None where that is not determined."""
@@ -241,9 +249,15 @@ class Smoothing:
         return {**self.__dict__, "solution": None}
 
     @property
+    def doubted(self) -> float:
+        """Up to which p a test of whiteness or normality is doubted: see the function of this name."""
+        return doubted(self.fit, self.residual_places)
+
+    @property
     def overstated(self) -> float:
         """The largest factor, over recordings and outputs, by which stated deviations may be too small (`OutputFit.overstated`)."""
-        return max((f.overstated for outputs in self.fit.values() for f in outputs.values()), default=1.0)
+        fits = [f for outputs in self.fit.values() for f in outputs.values()]
+        return max((f.overstated for f in fits if f.whiteness_p is not None and f.whiteness_p <= self.doubted), default=1.0)
 
     def value(self, parameter: str) -> float:
         """A parameter's value [its unit]; of one that every recording has of its own the mean over them."""

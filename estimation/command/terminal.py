@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from ..results import DOUBT, TELLING
+from ..results import TELLING
 from ..wording import percentage
 
 if TYPE_CHECKING:
@@ -30,7 +30,9 @@ def parameter_table(answer: Smoothing) -> Table:
     table = _estimated(answer, "parameter")
     for recording, outputs in answer.fit.items():
         for output, fit in outputs.items():
-            table.add_row(escape(f"fit of {output}, {recording}"), f"{_size(fit, answer.units.get(output, ''))}{_whiteness(fit)}")
+            table.add_row(
+                escape(f"fit of {output}, {recording}"), f"{_size(fit, answer.units.get(output, ''))}{_whiteness(fit, answer.doubted)}"
+            )
     for recording, prediction in answer.held_out.items():
         for output, fit in prediction.fit.items():
             unit, ahead = answer.units.get(output, ""), prediction.window_rms.get(output)
@@ -115,10 +117,10 @@ def _size(fit: OutputFit, unit: str) -> str:
     return f"rms {fit.ordinary.rms:.3g} {unit} ({_share(fit.ordinary.fit_percent)}){but}"
 
 
-def _whiteness(fit: OutputFit) -> str:
+def _whiteness(fit: OutputFit, level: float) -> str:
     if fit.whiteness_p is None or fit.effective_samples is None:
         return ""
-    return "; white" if fit.whiteness_p >= DOUBT else f"; not white, {fit.effective_samples:.0f} effective of {fit.samples}"
+    return "; white" if fit.whiteness_p > level else f"; not white, {fit.effective_samples:.0f} effective of {fit.samples}"
 
 
 def _end(value: float | None, nothing: str) -> str:

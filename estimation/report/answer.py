@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results import DOUBT, TELLING
+from ..results import TELLING
 from .columns import Columns
 from .quantities import count, number, percent, pretty, quantity, uncertain
 
@@ -170,13 +170,13 @@ def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:
         for output in kinds.outputs:
             error = frame[f"{output}.measured"].to_numpy(float) - frame[output].to_numpy(float)
             unit = result.units.get(output, "")
-            found += _odd_errors(
-                code(output) + where, error, unit, noise_std(result, output, by_name.get(name)), result.fit.get(name, {}).get(output)
-            )
+            fit = result.fit.get(name, {}).get(output)
+            worth = "" if fit is None else coloured(fit, result.doubted)
+            found += _odd_errors(code(output) + where, error, unit, noise_std(result, output, by_name.get(name)), fit, worth)
     return found
 
 
-def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit: OutputFit | None) -> list[str]:
+def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit: OutputFit | None, worth: str) -> list[str]:
     seen = error[np.isfinite(error)]
     if seen.size < 20:
         return []
@@ -185,7 +185,7 @@ def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit
         ratio = rms / std
         verb = f"{number(ratio, 2)} times" if ratio > 1 else f"only {number(100 * ratio, 2)} % of"
         found.append(f"The error of {which} is {verb} the noise it was weighed with ({escape(quantity(std, unit))}).")
-    if fit is not None and (worth := coloured(fit)):
+    if worth:
         found.append(f"The prediction errors of {which} are not white: {worth}. Something is left out, and deviations mislead.")
     spread_ = 1.4826 * float(np.median(np.abs(seen - np.median(seen))))
     outliers = int((np.abs(error - np.median(seen)) > 6 * spread_).sum()) if spread_ > 0 else 0
@@ -195,23 +195,23 @@ def _odd_errors(which: str, error: np.ndarray, unit: str, std: float | None, fit
     return found
 
 
-def whiteness_sentence(fit: OutputFit) -> str:
-    """What the test of whiteness says."""
+def whiteness_sentence(fit: OutputFit, level: float) -> str:
+    """What the test of whiteness says; level: up to which p it is doubted."""
     if fit.whiteness_p is None or not np.isfinite(fit.whiteness_p):
         return "not tested"
     if fit.whiteness_p >= 0.05:
         return "cannot be told from white noise"
-    worth = coloured(fit)
+    worth = coloured(fit, level)
     return f"structure is left in them: {worth}" if worth else "weak signs of structure"
 
 
-def coloured(fit: OutputFit) -> str:
+def coloured(fit: OutputFit, level: float) -> str:
     """How many samples the errors are worth, where they are not white; nothing otherwise.
 
     Of many samples even a memory that matters to nobody is significant.
     """
     if fit.whiteness_p is None or fit.effective_samples is None:
         return ""
-    if not fit.whiteness_p < DOUBT or fit.effective_samples >= WORTH * fit.samples:
+    if not fit.whiteness_p <= level or fit.effective_samples >= WORTH * fit.samples:
         return ""
     return f"{count(round(fit.effective_samples))} effective of {count(fit.samples)} samples"

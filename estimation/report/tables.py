@@ -73,7 +73,7 @@ def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> 
             if f.trimmed is not None:
                 left = [count(f.trimmed.outliers), f"{quantity(f.rms, unit)} ({percent(f.fit_percent)})"]
             size = [quantity(f.ordinary.rms, unit), percent(f.ordinary.fit_percent)]
-            rows.append([name, output, *size, *(left if robust else []), p, whiteness_sentence(f)])
+            rows.append([name, output, *size, *(left if robust else []), p, whiteness_sentence(f, result.doubted)])
     apart = ["outliers left out", "with them"] if robust else []
     head = ["recording", "output", "rms error", "fit", *apart, "whiteness p", "the prediction errors"]
     return table(head, rows, words=(0, 1, len(head) - 1), codes=(0, 1))

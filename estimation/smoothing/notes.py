@@ -15,7 +15,7 @@ from backsight.ocp import Solution
 
 from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note
-from ..results import DOUBT, TELLING, OutputFit, ResidualSummary
+from ..results import DOUBT, TELLING, OutputFit, ResidualSummary, doubted
 from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth
 from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
@@ -61,7 +61,7 @@ def notes(
         return _without_an_answer(problem, run, bounds, fit, residuals)
     shown, silent = shown_noise(problem), nothing_there(problem, run)
     misled = {which: said for which, said in too_sharp(problem, run, shown).items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
-    doubts = contradictions(problem, run, shown)
+    doubts, level = contradictions(problem, run, shown), doubted(fit, residuals)
     return (
         *misled.values(),
         *on_explaining(problem.posed, run.choice.solution, residuals),
@@ -85,8 +85,8 @@ def notes(
         *outlier_notes(problem, run.choice.solution, errors),
         *doubts,
         *contradicted(problem, run.choice.solution),
-        *on_errors(fit, misled),
-        *on_residuals(residuals, set(residuals) if misled or doubts else silent),
+        *on_errors(fit, misled, level),
+        *on_residuals(residuals, set(residuals) if misled or doubts else silent, level),
     )
 
 
@@ -171,15 +171,18 @@ def _on_ranges(problem: Problem) -> list[str]:
     return found
 
 
-def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tuple[str, str]] = ()) -> list[str]:
-    """What the prediction errors of every output say of the stated deviations; not of those `misled`, whose V is wrong."""
+def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tuple[str, str]] = (), level: float = DOUBT) -> list[str]:
+    """What the prediction errors of every output say of the stated deviations; not of those `misled`, whose V is wrong.
+
+    level: up to which p they are doubted.
+    """
     found = list[str]()
     for recording, outputs in fit.items():
         for name, f in outputs.items():
             if (recording, name) in misled:
                 continue
             which = f"{name} of {recording}" if len(fit) > 1 else name
-            if f.whiteness_p is not None and f.effective_samples is not None and f.whiteness_p < DOUBT:
+            if f.whiteness_p is not None and f.effective_samples is not None and f.whiteness_p <= level:
                 worth = f"{f.effective_samples:.0f} effective of {f.samples} samples"
                 size = f.overstated
                 said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer, values may"
@@ -193,7 +196,7 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
                     f"{which}: its prediction errors are {f.prediction_rms:.2g} times what V and W promise: "
                     f"{'too much' if f.prediction_rms < 1 else 'too little'} noise is supposed."
                 )
-            if f.normality_p is not None and f.normality_p < DOUBT:
+            if f.normality_p is not None and f.normality_p <= level:
                 found.append(
                     f"{which}: its prediction errors are not normal ({_chance(f.normality_p)}): outliers, coarse steps of the sensor, or "
                     "friction that sticks."
@@ -208,7 +211,7 @@ def _borne_out(fit: OutputFit | None) -> bool:
     return fit.whiteness_p >= DOUBT and fit.prediction_rms < OFF
 
 
-def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = ()) -> list[str]:
+def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[str] = (), level: float = DOUBT) -> list[str]:
     """What every residual force looks like, but at the places `silent`, where it is none, noise of a sensor, or weighed wrongly."""
     found = []
     for place, r in residuals.items():
@@ -217,7 +220,7 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
         if r.follows is not None:
             f = r.follows
             found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
-        elif r.whiteness_p is not None and r.whiteness_p < DOUBT:
+        elif r.whiteness_p is not None and r.whiteness_p <= level:
             m = r.memory
             W = "a W with a tau" if m is None else f'W = {{ "{place}" = {{ std = {m.rms:.2g}, tau = {m.tau:.2g} }} }}'
             found.append(

@@ -20,4 +20,4 @@ from backsight.estimation.results import OutputFit
 )
 def test_whiteness_is_judged_by_significance_and_by_size(p: float | None, effective: float | None, said: str) -> None:
     fit = OutputFit(rms=1.0, fit_percent=99.0, whiteness_p=p, effective_samples=effective, samples=2000)
-    assert whiteness_sentence(fit) == said
+    assert whiteness_sentence(fit, 0.01) == said

@@ -14,7 +14,7 @@ from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 from backsight.data import path
 from backsight.estimation import Free, Known, Problem, Recording, Settings, Weights, smooth
 from backsight.estimation.recordings.gaps import rates_note
-from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary
+from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary, doubted
 from backsight.estimation.smoothing.marginal import UNMOVED
 from backsight.estimation.smoothing.notes import _on_nothing_settled, on_errors, on_residuals
 from backsight.models import Dae
@@ -53,6 +53,17 @@ def test_several_recordings_are_told_apart():
     notes = on_errors({"a": {"x": fit(normality_p=1e-5)}, "b": {"x": fit()}})
     assert [note.split(":")[0] for note in notes] == ["x of a"]
     assert "not normal (p = 1e-05)" in notes[0]
+
+
+@pytest.mark.parametrize(("p", "told"), [(0.005, False), (1e-4, True)])
+def test_of_a_dozen_tests_one_may_have_the_p_of_one_in_a_hundred(p, told):
+    """0.01/13 is the least that Holm's procedure asks of the smallest of thirteen."""
+    axis = ResidualSummary(place="axis", unit="N", rms=1.0, origin="balance of axis", whiteness_p=0.3)
+    for outputs, force in (({"whiteness_p": p}, axis), ({"normality_p": p}, axis), ({}, replace(axis, whiteness_p=p))):
+        fits = {"run": {**{f"y_{k}": fit() for k in range(5)}, "x": fit(**outputs, effective_samples=250.0)}}
+        level = doubted(fits, {"axis": force})
+        assert bool([*on_errors(fits, (), level), *on_residuals({"axis": force}, (), level)]) == told
+        assert [*on_errors(fits), *on_residuals({"axis": force})]
 
 
 @pytest.mark.parametrize(
