@@ -17,13 +17,38 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
+OTHERS = {  # what columns of a signal with this SI unit are often in
+    "m": ("mm", "um", "in"),
+    "rad": ("mrad", "deg", "rev"),
+    "s": ("ms", "us", "min", "h"),
+    "m/s": ("mm/s", "m/min", "km/h"),
+    "rad/s": ("deg/s", "rev/s", "rpm"),
+    "m/s2": ("mm/s2", "g0"),
+    "rad/s2": ("deg/s2", "rev/s2"),
+    "N": ("mN", "kN", "kgf", "lbf"),
+    "N.m": ("N.mm", "mN.m", "kN.m", "lbf.in"),
+    "A": ("mA", "kA"),
+    "V": ("mV", "kV"),
+}
+MEANT = {  # to pint a gram, a gauss, a number of yarns, enzyme units, or nothing
+    "g": "g0",
+    "G": "g0",
+    "Nm": "N.m",
+    "mNm": "mN.m",
+    "kNm": "kN.m",
+    "Ncm": "N.cm",
+    "Nmm": "N.mm",
+    "RPM": "rpm",
+    "U/min": "rpm",
+}
+
 
 def to_si(values: Array, unit: str, expected: str | None, *, where: str) -> Array:
     """`values` of a column in `unit`, in the model's unit `expected` (None: the SI base unit of the same quantity).
 
     `where` begins the message of the InputError that an unknown unit, or a unit of another quantity, raises.
-    A frequency in Hz is refused where an angular velocity is wanted: to pint the turn is a pure number, and 1 Hz
-    would become 1 rad/s without a word.
+    Where an angle is wanted, what counts is refused: to pint the turn is a pure number, and 1 Hz would become 1 rad/s, 1/min a radian in
+    a minute without a word.
     """
     if unit == expected:
         return values
@@ -32,16 +57,34 @@ def to_si(values: Array, unit: str, expected: str | None, *, where: str) -> Arra
     try:
         given = _parse(unit)
     except (pint.PintError, ArithmeticError, AttributeError, AssertionError, LookupError, SyntaxError, TypeError, ValueError):
-        raise InputError(f'{where}: the unit "{unit}" is not known; write it as in "mm", "deg/s" or "N*m"') from None
+        raise InputError(f'{where}: the unit "{unit}" is not known; {_remedy(unit, expected)}') from None
     target = _parse(expected) if expected is not None else _registry().Quantity(1, given).to_base_units().units
-    if "hertz" in str(given) and "radian" in str(target):
-        raise InputError(
-            f'{where}: "{unit}" counts turns or radians? The model wants {expected}; write {quoted(["rev/s", "rad/s"])} instead'
-        )
+    if expected is not None and given.is_compatible_with(target) and _angular(_parse(expected)) and not _angular(given):
+        turns = quoted([expected.replace("rad", "rev"), expected], last="or")
+        raise InputError(f'{where}: "{unit}" counts turns or radians? The model wants {expected}; write {turns} instead')
     try:
         return np.asarray(_registry().Quantity(values, given).to(target).magnitude, dtype=float)
     except pint.PintError:
-        raise InputError(f'{where}: the unit "{unit}" cannot be converted to {expected}, the unit of the model\'s signal') from None
+        remedy = _remedy(unit, expected)
+        raise InputError(f'{where}: the unit "{unit}" ({given}) cannot be converted to {expected}, which is wanted; {remedy}') from None
+
+
+def check_unit(unit: str, expected: str | None, *, where: str) -> None:
+    """Raise the InputError of `to_si` for a column that nobody has read yet."""
+    to_si(np.empty(0), unit, expected, where=where)
+
+
+def _remedy(unit: str, expected: str | None) -> str:
+    meant = MEANT.get(unit)
+    if meant and (expected is None or _parse(meant).is_compatible_with(_parse(expected))):
+        return f'write "{meant}"' + (", standard gravity" if meant == "g0" else "")
+    if expected in OTHERS:
+        return f"write one of {quoted([expected, *OTHERS[expected]], last='or')}, or a unit made up of such"
+    return 'write it as in "mm", "deg/s" or "N.m"'
+
+
+def _angular(unit: pint.Unit) -> bool:
+    return "radian" in str(_registry().Quantity(1.0, unit).to_root_units().units)
 
 
 @lru_cache(maxsize=1)

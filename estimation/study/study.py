@@ -30,8 +30,9 @@ from ..recordings.columns import InputColumn, OutputColumn
 from ..recordings.excitation import check_excitation, told_at_rest
 from ..recordings.recording import Recording
 from ..recordings.rows import RowReader
+from ..recordings.units import check_unit
 from ..wording import number, quoted
-from .errors import place, sentence
+from .errors import dotted, place, sentence
 from .model_source import compiled, load_model
 from .schema import FreeParameter, InitialTable, InputTable, OutputTable, RecordingTable, StudyFile, WeightTable
 
@@ -103,6 +104,7 @@ class Study:
         if not self.file.recording:
             raise InputError(f'{self.label}: there is no recording; add a table [[recording]] with file = "run.csv"')
         self._check_signals()
+        self._check_units()
         self._check_repeated()
         return tuple(self._recording(entry) for entry in self.file.recording)
 
@@ -142,6 +144,7 @@ class Study:
     def rows(self, header: str, *, label: str) -> RowReader:
         """A reader of rows under a header, with the columns of `streamed`."""
         self._check_signals()
+        self._check_units()
         entry = self.streamed
         return RowReader(
             header,
@@ -298,6 +301,20 @@ class Study:
                 if name not in entry.inputs:
                     remedy = f'add {name} = "column" to inputs of {entry.file}'
                     raise InputError(f'{self._at("recording", k, "inputs")}: the input "{name}" of {self.dae.name} has no column; {remedy}')
+
+    def _check_units(self) -> None:
+        si = {q.name: q.unit for q in (*self.dae.inputs, *self.dae.outputs)}
+        for k, entry in enumerate(self.file.recording):
+            self._check_unit(entry.time, "s", "recording", k, "time")
+            for name, driven in entry.inputs.items():
+                self._check_unit(driven, si[name], "recording", k, "inputs", name)
+            for name, sensed in entry.outputs.items():
+                self._check_unit(sensed, si[name], "recording", k, "outputs", name)
+
+    def _check_unit(self, column: InputTable | OutputTable | str, expected: str, *path: str | int) -> None:
+        if not isinstance(column, str) and column.unit is not None:
+            where = f'{self._at(*path, "unit")}: {dotted(path)}, column "{column.column}"'
+            check_unit(column.unit, expected, where=where)
 
     def _check_repeated(self) -> None:
         """The same rows may not be used twice, least of all for fitting and for testing."""

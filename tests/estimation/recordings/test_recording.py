@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import re
 import time
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from scipy.io import savemat
 
 from backsight.estimation.recordings.columns import InputColumn, OutputColumn
 from backsight.estimation.recordings.recording import Recording
+from backsight.estimation.recordings.units import OTHERS, to_si
 from backsight.models.errors import InputError
 
 T = np.arange(400) * 0.005
@@ -194,8 +196,42 @@ def test_a_unit_that_does_not_fit_names_column_unit_and_expected_unit(tmp_path, 
     assert "converted to m" in message or "not known" in message
 
 
-def test_hertz_is_not_taken_for_radians_per_second(tmp_path):
-    refused(tmp_path, text(), "Hz", "rev/s", outputs={"x": OutputColumn("x_m", unit="Hz")}, units={"x": "rad/s"})
+@pytest.mark.parametrize(
+    ("unit", "expected", "remedy"),
+    [
+        ("g", "m/s2", 'write "g0", standard gravity'),
+        ("g", "N", 'write one of "N", "mN", "kN", "kgf" or "lbf"'),
+        ("Nm", "N.m", 'write "N.m"'),
+        ("U/min", "rad/s", 'write "rpm"'),
+        ("milisec", "s", 'write one of "s", "ms"'),
+        ("furlongz", "Pa", 'write it as in "mm"'),
+    ],
+)
+def test_a_unit_that_does_not_fit_has_a_remedy(tmp_path, unit, expected, remedy):
+    refused(tmp_path, text(), f'"{unit}"', remedy, outputs={"x": OutputColumn("x_m", unit=unit)}, units={"x": expected})
+
+
+BY_HAND = {
+    "mm": 1e-3, "um": 1e-6, "in": 0.0254, "mrad": 1e-3, "deg": np.pi / 180, "rev": 2 * np.pi, "ms": 1e-3, "us": 1e-6, "min": 60, "h": 3600,
+    "mm/s": 1e-3, "m/min": 1 / 60, "km/h": 1 / 3.6, "deg/s": np.pi / 180, "rev/s": 2 * np.pi, "rpm": 2 * np.pi / 60, "mm/s2": 1e-3,
+    "g0": 9.80665, "deg/s2": np.pi / 180, "rev/s2": 2 * np.pi, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 0.45359237 * 9.80665,
+    "N.mm": 1e-3, "mN.m": 1e-3, "kN.m": 1e3, "lbf.in": 0.45359237 * 9.80665 * 0.0254, "mA": 1e-3, "kA": 1e3, "mV": 1e-3, "kV": 1e3,
+}  # fmt: skip
+
+
+def test_the_units_that_messages_name_are_understood():
+    found = {unit: to_si(np.ones(1), unit, si, where="")[0] for si, units in OTHERS.items() for unit in units}
+    assert found == pytest.approx(BY_HAND, rel=1e-12)
+
+
+def test_the_readme_lists_the_units_that_messages_name(checkout):
+    rows = re.findall(r"^\| `([^`]+)` \| (`.+`) \|$", (checkout / "estimation/study/README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert {si: tuple(others.strip("`").split("`, `")) for si, others in rows if si in OTHERS} == OTHERS
+
+
+@pytest.mark.parametrize("unit", ["Hz", "1/min", "1/s", "count/s"])
+def test_what_counts_is_not_taken_for_radians(tmp_path, unit):
+    refused(tmp_path, text(), f'"{unit}"', '"rev/s" or "rad/s"', outputs={"x": OutputColumn("x_m", unit=unit)}, units={"x": "rad/s"})
 
 
 def test_a_delay_that_is_a_multiple_of_the_sampling_shifts_samples_untouched(tmp_path):
