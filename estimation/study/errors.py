@@ -21,9 +21,8 @@ _RULES = {
     "float_type": "a number is wanted",
     "int_type": "a whole number (an integer) is wanted",
     "int_from_float": "a whole number (an integer) is wanted",
+    "bool_type": "true or false is wanted, without quotes",
     "string_type": "text in quotes is wanted",
-    "dict_type": "a table is wanted, {{ key = value }}",
-    "model_type": "a table is wanted, {{ key = value }}",
     "list_type": "a list is wanted, [first, second]",
     "finite_number": "a finite number is wanted, not nan or inf",
     "too_short": "it has too few values, {min_length} are wanted",
@@ -31,6 +30,20 @@ _RULES = {
     "greater_than": "it must be greater than {gt:g}",
     "greater_than_equal": "it must be at least {ge:g}",
     "literal_error": "it must be {expected}",
+}
+
+_HOME = {  # where a key belongs that stands elsewhere
+    "W": 'it stands under [weights], as in W = { "place" = { std = 0.1 } }',
+    "V": 'it stands under [weights], as in V = { "output" = { std = 0.1 } }',
+    "column": 'it is said of a signal, as in x = { column = "x_m" }',
+    "unit": 'it is said of a column, as in x = { column = "x_mm", unit = "mm" } or time = { column = "t_ms", unit = "ms" }',
+    "std": 'it is said of a column, as in x = { column = "x_m", std = 2e-6 }',
+    "delay": 'it is said of a column, as in x = { column = "x_m", delay = 0.001 }',
+    "loss": 'it is said of a column, as in x = { column = "x_m", loss = "auto" }',
+    "limits": 'it is said of an input\'s column, as in F = { column = "F_N", limits = [-500, 500] }',
+    **dict.fromkeys(("guess", "drift", "per_recording"), 'it is said of a parameter, as in "mass.m" = { guess = 1.0 } under [parameters]'),
+    **dict.fromkeys(("file", "role", "time", "range", "every", "hold", "gap", "inputs", "outputs"), "it stands under [[recording]]"),
+    "samples": "it stands under [horizon]",
 }
 
 
@@ -43,7 +56,7 @@ def sentence(error: ValidationError, label: str, text: str) -> str:
     if kind == "extra_forbidden":
         known = _known_keys(path[:-1])
         where = f" in {dotted(path[:-1])}" if len(path) > 1 else ""
-        return f'{place(label, text, path)}: unknown key "{path[-1]}"{where}; {suggestion(str(path[-1]), known)}'
+        return f'{place(label, text, path)}: unknown key "{path[-1]}"{where}; {_belongs(path) or suggestion(str(path[-1]), known)}'
     if kind == "missing":
         example = {
             "model": 'model = "actuator"',
@@ -57,8 +70,49 @@ def sentence(error: ValidationError, label: str, text: str) -> str:
         return f'{place(label, text, path[:-1])}: "{path[-1]}"{where} is missing; add it{remedy}'
     if kind == "value_error":
         return f"{place(label, text, path)}: {dotted(path)}: {context['error']}"
-    rule = _RULES.get(kind, "").format(**context) if kind in _RULES else first["msg"]
+    rule = _special(kind, path, seen) or (_RULES[kind].format(**context) if kind in _RULES else first["msg"])
     return f"{place(label, text, path)}: {dotted(path)} is {shown(seen)}; {rule}"
+
+
+def no_signal(name: str) -> str | None:
+    """The remedy where what belongs to a column stands as if it were an input or output; None where that is not so."""
+    return _HOME[name] if name in {*_known_keys(["outputs"]), *_known_keys(["inputs"])} else None
+
+
+def _belongs(path: Path) -> str | None:
+    """Where a key belongs that does not belong where it stands."""
+    if path[0] == "parameters":
+        own = {
+            "unit": "it is that of the model, as `backsight models` shows it; leave this out",
+            "value": "write guess, or a bare number to fix the parameter",
+        }
+        return own.get(str(path[-1]))
+    return _HOME.get(str(path[-1])) if len(path) == 1 or path[0] == "recording" else None
+
+
+def _special(kind: str, path: Path, seen: Any) -> str | None:
+    """The rule where it depends on the key, with an example of it; None where that of the kind will do."""
+    key, plain = path[-1], isinstance(seen, (int, float)) and not isinstance(seen, bool)
+    name = f'"{key}"' if re.search(r"\W", str(key)) else key
+    if key == "delay" and kind == "literal_error":
+        known = "it must be 'estimate'"
+        return f"{known} or a number of seconds" if "outputs" in path else f"{known}, for all inputs; give a known one to every output"
+    if kind == "string_type" and path[-2:-1] in (["inputs"], ["outputs"]) and (home := no_signal(str(key))):
+        return home
+    if kind == "list_type" and path == ["recording"]:
+        return "write [[recording]], in double brackets"
+    if kind not in ("dict_type", "model_type"):
+        return None
+    example = "{ key = value }"
+    if key in ("W", "V"):
+        example = f'{key} = {{ "{"place" if key == "W" else "output"}" = {{ std = {seen if plain else 0.1} }} }}'
+    elif path[:1] == ["weights"]:
+        example = f"{name} = {{ std = {seen if plain else 0.1} }}"
+    elif path[:1] == ["bounds"]:
+        example = f"{name} = {{ min = 0.0, max = 1.0 }}"
+    elif key in ("inputs", "outputs"):
+        example = f'{key} = {{ x = "x_m" }}, the model\'s signal and the column of the file'
+    return f"a table is wanted, as in {example}"
 
 
 def place(label: str, text: str, path: Path) -> str:

@@ -32,7 +32,7 @@ from ..recordings.recording import Recording
 from ..recordings.rows import RowReader
 from ..recordings.units import check_unit
 from ..wording import number, quoted
-from .errors import dotted, place, sentence
+from .errors import dotted, no_signal, place, sentence
 from .model_source import compiled, load_model
 from .schema import FreeParameter, InitialTable, InputTable, OutputTable, RecordingTable, StudyFile, WeightTable
 
@@ -204,7 +204,8 @@ class Study:
     def _known(self, name: str, known: Iterable[str], *path: str | int, what: str) -> None:
         names = list(known)
         if name not in names:
-            raise InputError(f'{self._at(*path)}: unknown {what} "{name}"; {suggestion(name, names)}')
+            remedy = (no_signal(name) if what in ("input", "output") else None) or suggestion(name, names)
+            raise InputError(f'{self._at(*path)}: unknown {what} "{name}"; {remedy}')
 
     @cached_property
     def _parameters(self) -> dict[str, ParameterInfo]:

@@ -251,7 +251,36 @@ def test_a_model_may_come_from_a_file_beside_the_study(folder):
         (STUDY + '\n[weights]\nW = { "carriage" = { std = -2.0 } }\n', ("carriage", "std", "-2.0")),
         (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, weight = 1.0 } }\n', ("carriage", "not both")),
         (STUDY + '\n[weights]\nW = { "carriage" = {} }\n', ("carriage", "either std or weight")),
-        (STUDY + '\n[weights]\nW = { "carriage" = 2.0 }\n', ("carriage", "2.0", "table")),
+        (
+            STUDY + '\n[weights]\nW = { "carriage" = 2.0 }\n',
+            ("line 17", "carriage is 2.0", "a table is wanted, as in carriage = { std = 2.0 }"),
+        ),
+        (STUDY + "\n[weights]\nV = { x = 0.1 }\n", ("line 17: weights, V, x is 0.1", "as in x = { std = 0.1 }")),
+        (STUDY + "\n[weights]\nV = 0.1\n", ("line 17: weights, V is 0.1", 'as in V = { "output" = { std = 0.1 } }')),
+        ("V = { x = 0.1 }\n" + STUDY, ('line 1: unknown key "V"', 'under [weights], as in V = { "output" = { std = 0.1 } }')),
+        (STUDY + "V = { x = 0.1 }\n", ('line 15: unknown key "V" in recording 1', "under [weights], as in V")),
+        (swap("guess = 80.0", 'guess = 80.0, unit = "g"'), ("line 4", 'unknown key "unit"', "that of the model", "leave this out")),
+        (swap("guess = 80.0", "value = 80.0"), ("line 4", 'unknown key "value"', "write guess, or a bare number")),
+        (
+            swap("guess = 80.0", 'guess = 80.0, per_recording = "yes"'),
+            ("line 4", 'per_recording is "yes"; true or false is wanted, without quotes'),
+        ),
+        (STUDY + 'unit = "ms"\n', ('line 15: unknown key "unit" in recording 1', 'time = { column = "t_ms", unit = "ms" }')),
+        (STUDY + "delay = 0.1\n", ('line 15: unknown key "delay" in recording 1', 'x = { column = "x_m", delay = 0.001 }')),
+        (
+            swap("std = 1e-5 }", 'std = 1e-5 }, unit = "mm"'),
+            ('line 14: unknown output "unit"', 'said of a column, as in x = { column = "x_mm"'),
+        ),
+        (
+            swap('{ column = "x_m", std = 1e-5 }', '"x_m", std = 1e-5'),
+            ("line 14: recording 1, outputs, std is 1e-05", "it is said of a column"),
+        ),
+        (swap('{ F = "F_N" }', '"F_N"'), ('line 13: recording 1, inputs is "F_N"', 'as in inputs = { x = "x_m" }')),
+        (swap("[[recording]]", "[recording]"), ("line 9: recording is", "write [[recording]], in double brackets")),
+        (
+            STUDY + '\n[bounds]\n"carriage.s" = [0, 1]\n',
+            ('line 17: bounds, "carriage.s" is [0, 1]', '"carriage.s" = { min = 0.0, max = 1.0 }'),
+        ),
         (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, kind = "ou" } }\n', ("line 17", 'kind = "ou"', "give tau in seconds")),
         (STUDY + '\n[weights]\nW = { "carriage" = { std = 2.0, tau = 1, kind = "red" } }\n', ("line 17", '"red"', "'ou' or 'matern'")),
         (STUDY + '\n[weights]\nW = { "kinematics:carriage.v" = { std = 2.0 } }\n', ("line 17", "did you mean 'kinematics:carriage.s'?")),
@@ -346,13 +375,19 @@ def test_gap_hold_loss_and_delay_of_a_recording_arrive_in_the_problem(folder):
 @pytest.mark.parametrize(
     ("new", "words"),
     [
-        ('delay = "soon"', ('outputs, x, delay is "soon"', "'estimate'")),
+        ('delay = "auto"', ('outputs, x, delay is "auto"', "'estimate' or a number of seconds")),
         ("delay = -1.0", ("outputs, x, delay is -1.0", "at least 0")),
         ('loss = "student"', ('loss is "student"', "'square', 'huber' or 'auto'")),
     ],
 )
 def test_a_delay_or_loss_that_there_is_not_is_refused(folder, new, words):
     refused(folder, swap("std = 1e-5", new), "study.toml, line 14", *words)
+
+
+@pytest.mark.parametrize("delay", ['"auto"', "0.1"])
+def test_a_delay_of_an_input_is_estimated_or_given_to_the_outputs(folder, delay):
+    text = swap('"F_N"', f'{{ column = "F_N", delay = {delay} }}')
+    refused(folder, text, f"study.toml, line 13: recording 1, inputs, F, delay is {delay}", "'estimate', for all", "to every output")
 
 
 # ---------------------------------------------------------------- excitation
