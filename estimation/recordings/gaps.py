@@ -15,6 +15,7 @@ Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 EVEN, UNEVEN = 0.95, 0.25  # share of intervals that are the usual one, to that share of it: then a longer one has lost rows
 THOUSAND = 0.01  # of a factor of a thousand: how near to it two rates are that are told from two units
+SLOW = 1.0  # s between rows from which on it is asked whether these are seconds
 LONGEST = 20.0  # times the usual interval: a step that long is a gap when nobody says what is
 
 
@@ -81,6 +82,18 @@ def gap_note(recording: Recording) -> str | None:
     rows = "row" if left == 1 else "rows"
     alone = f" {left} {rows} without a neighbour or without a sample of an output: left out." if left else ""
     return f"{found}: it was taken as {len(used)} pieces, each with a start of its own.{alone}"
+
+
+def clock_note(recordings: Sequence[Recording]) -> str | None:
+    """Whether rows are so far apart that a machine's time may not be in seconds; told of the slowest."""
+    slowest = max(recordings, key=usual_interval)
+    step, length = usual_interval(slowest), float(slowest.time[-1] - slowest.time[0])
+    if step < SLOW:
+        return None
+    return (
+        f"{slowest.name} has its rows {step:.6g} s apart and is {length:.6g} s long: is its time in seconds? If not, its entry in the "
+        'study has to say so, as in time = { column = "...", unit = "ms" }.'
+    )
 
 
 def rates_note(recordings: Sequence[Recording]) -> str | None:

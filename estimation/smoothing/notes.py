@@ -14,7 +14,7 @@ from backsight.models.errors import InputError
 from backsight.ocp import Solution
 
 from ..problem import Free, Problem
-from ..recordings.gaps import gap_note, lost_note, rates_note
+from ..recordings.gaps import clock_note, gap_note, lost_note, rates_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary, doubted
 from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth
@@ -154,7 +154,8 @@ def _on_few(problem: Problem) -> list[str]:
 
 
 def _on_rates(problem: Problem) -> list[str]:
-    note = rates_note([r for r in problem.recordings if r.role == "fit"])
+    fitted = [r for r in problem.recordings if r.role == "fit"]
+    note = rates_note(fitted) or clock_note(fitted)
     return [] if note is None else [note]
 
 
@@ -322,7 +323,7 @@ def _on_far_ones(problem: Problem, solution: Solution) -> list[str]:
         if max(times, 1 / times) > STRANGE:
             more = f"{times:.2g} times above" if times > 1 else f"{1 / times:.2g} times below"
             found.append(f"{info.name} {more} its guess, {given.guess:g} {info.unit}")
-    return [f"{listed(found)}: are inputs, outputs and guesses in the units that they are said to have?"] if found else []
+    return [f"{listed(found)}: are time, inputs, outputs and guesses in the units that they are said to have?"] if found else []
 
 
 def _on_outputs(problem: Problem, run: Run) -> list[str]:

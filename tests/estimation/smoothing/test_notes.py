@@ -13,10 +13,10 @@ from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
 from backsight.data import path
 from backsight.estimation import Free, Known, Problem, Recording, Settings, Weights, smooth
-from backsight.estimation.recordings.gaps import rates_note
+from backsight.estimation.recordings.gaps import clock_note, rates_note
 from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary, doubted
 from backsight.estimation.smoothing.marginal import UNMOVED
-from backsight.estimation.smoothing.notes import _on_nothing_settled, on_errors, on_residuals
+from backsight.estimation.smoothing.notes import _on_nothing_settled, _on_rates, on_errors, on_residuals
 from backsight.models import Dae
 from backsight.models.plants import actuator
 from backsight.ocp import Options
@@ -170,6 +170,18 @@ def test_rows_a_thousand_times_as_far_apart_are_told_with_the_remedy_and_other_r
     assert rates_note([near, far]) is None
 
 
+def test_rows_that_are_seconds_apart_ask_whether_these_are_seconds():
+    run = axis_run(0, 0.02)
+    slow = replace(run, name="logged", time=1e3 * run.time)
+    assert clock_note([run]) is None
+    note = clock_note([run, slow])
+    assert note is not None
+    assert note.startswith("logged has its rows 10 s apart and is 5990 s long: is its time in seconds?")
+    assert 'time = { column = "...", unit = "ms" }' in note
+    assert _on_rates(Problem(model=MODEL, recordings=[run, slow], parameters=ALL_FREE)) == [rates_note([run, slow])]
+    assert _on_rates(Problem(model=MODEL, recordings=[slow], parameters=ALL_FREE)) == [clock_note([slow])]
+
+
 def notes_of(recording: Recording, **damper: float) -> list[str]:
     free = {"mass.m": PLANT.m, "spring.k": Free(45.0), "damper.d": Free(PLANT.d, **damper), "offset.f": PLANT.offset}
     return list(smooth(Problem(model=MODEL, recordings=[recording], parameters=free)).notes)
@@ -207,7 +219,7 @@ def test_parameters_of_another_size_than_their_guesses_ask_for_the_units():
     for factor in (1.0, 1e-3):
         scaled = replace(given, inputs={"F": factor * given.inputs["F"]})
         notes = smooth(Problem(model=actuator(), recordings=[scaled], parameters=free)).notes
-        said.append([note for note in notes if "are inputs, outputs and guesses in the units" in note])
+        said.append([note for note in notes if "are time, inputs, outputs and guesses in the units" in note])
     assert said[0] == []
     assert len(said[1]) == 1
     assert all(f"{name} " in said[1][0] for name in ("carriage.m", "friction.d", "friction.f_c"))
