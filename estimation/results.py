@@ -206,7 +206,8 @@ class Prediction:
     estimates: t_s, outputs with .measured and states, simulated over the whole recording under its inputs from the start that its first
     `start_s` seconds tell (of the longest piece), and again after every gap; NaN in rows of no piece. fit: of every measured output to
     that, in the rows after those that told a start. window_rms: output -> rms error [unit] over windows of `window_s` seconds, each
-    simulated from the state that the samples before it tell; None where the recording is too short for windows.
+    simulated from the state that the samples before it tell; None where the recording is too short for windows. own: of a parameter that
+    varies the value with which its longest piece was simulated, which the samples of its start told too.
     """
 
     estimates: pd.DataFrame
@@ -214,6 +215,7 @@ class Prediction:
     start_s: float
     window_s: float | None = None
     window_rms: Mapping[str, float] = field(default_factory=dict)
+    own: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,9 @@ inputs, and a start:
 
 After a gap, over which nobody knows the inputs, both begin anew.
 
+A parameter that is each recording's own, or drifts, takes none of the values that were found: every HEAD tells it beside the state, known
+beforehand by their mean and spread (`of_one_more`), and what follows is simulated with that.
+
 Where the model does not forget its state (a free integrator), an error of the start or of a constant force adds up over the whole
 recording; the windows are then the better measure.
 """
@@ -56,7 +59,8 @@ def predict(problem: Problem, result: Smoothing, smooth: Callable[[Problem], Smo
         try:
             prediction, (piece, run) = _prediction(problem, result, recording, smooth)
             found[recording.name] = prediction
-            notes.append(_sentence(result, recording, prediction, remembering(problem.dae, result, piece, run)))
+            kept = remembering(problem.dae, result, piece, run)
+            notes.append(_sentence(result, recording, prediction, kept, _own_ones(problem, result, prediction)))
         except (ModelError, SolveError) as error:
             notes.append(f"Held out: {recording.name} could not be predicted: {error}.")
     return found, tuple(notes)
@@ -141,6 +145,7 @@ def _prediction(
         start_s=float(longest.piece.time[longest.last] - longest.piece.time[0]),
         window_s=window * recording.sampling if any(head.window for head in heads) else None,
         window_rms={name: float(np.sqrt(np.nanmean(e**2))) for name, e in ahead.items() if np.isfinite(e).any()},
+        own=own[longest.name],
     )
     return prediction, (longest.piece, run)
 
@@ -229,7 +234,16 @@ def _simulated(
     )
 
 
-def _sentence(result: Smoothing, recording: Recording, prediction: Prediction, kept: list[str]) -> str:
+def _own_ones(problem: Problem, result: Smoothing, prediction: Prediction) -> str:
+    """What the recording was predicted with where that is not what was fitted."""
+    said, units = [], {p.name: p.unit for p in problem.dae.parameters}
+    for name, free in of_one_more(problem, result).items():
+        known = "" if free.std is None else f" (beforehand {free.guess:.3g} ± {free.std:.2g})"
+        said.append(f"{name} = {prediction.own[name]:.3g} {units[name]}".rstrip() + known)
+    return f", with {listed(said)} of its own, told there too" if said else ""
+
+
+def _sentence(result: Smoothing, recording: Recording, prediction: Prediction, kept: list[str], own: str = "") -> str:
     said = []
     for name, fit in prediction.fit.items():
         unit = result.units[name]
@@ -244,7 +258,7 @@ def _sentence(result: Smoothing, recording: Recording, prediction: Prediction, k
         else ""
     )
     start = f"simulated under its inputs from the start that its first {prediction.start_s:.3g} s tell"
-    return f"Held out: {recording.name}, {start}{what}.{drift}"
+    return f"Held out: {recording.name}, {start}{own}{what}.{drift}"
 
 
 def remembering(dae: Dae, result: Smoothing, recording: Recording, run: Trajectory) -> list[str]:

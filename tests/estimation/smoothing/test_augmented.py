@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -302,6 +303,22 @@ def test_with_every_parameter_its_own_recordings_are_fitted_as_each_alone():
             assert found.std == pytest.approx(own.parameters[name].std, rel=1e-2)
             assert (found.unit, found.fixed, found.guess) == (own.parameters[name].unit, False, free[name].guess)
     assert both.value("mass.m") == pytest.approx(np.mean([own.parameters["mass.m"].value for own in alone]), rel=1e-3)
+
+
+def test_a_prediction_says_which_value_of_a_parameter_of_every_recordings_own_it_used():
+    """Masses of 2 and 3 kg were fitted; the one held out has 2.2 kg, and a tenth of it tells."""
+    recordings = [sliding(1, 2.0), sliding(2, 3.0), sliding(4, 2.2, "held_out")]
+    s = smooth(
+        Problem(model=PLANT, recordings=recordings, parameters={"mass.m": Free(4.0, per_recording=True)}, weights=Weights(W={"mass": 0.1}))
+    )
+    own = s.held_out["run 4"].own
+    assert own == {"mass.m": pytest.approx(2.2, abs=0.1)}
+    (note,) = [note for note in s.notes if note.startswith("Held out: run 4")]
+    mean, spread = re.search(r"tell, with mass\.m = 2\.\d+ kg \(beforehand (\S+) ± (\S+)\) of its own, told there too: x to", note).groups()
+    assert (float(mean), float(spread)) == (pytest.approx(2.5, abs=0.05), pytest.approx(0.5, abs=0.05))
+    one = smooth(Problem(model=PLANT, recordings=recordings, parameters={"mass.m": Free(4.0)}, weights=Weights(W={"mass": 0.1})))
+    assert one.held_out["run 4"].own == {}
+    assert not any("of its own" in note for note in one.notes)
 
 
 @pytest.mark.slow
