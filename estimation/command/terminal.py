@@ -39,7 +39,7 @@ def parameter_table(answer: Smoothing) -> Table:
             over = "" if ahead is None else f"; {ahead:.3g} {unit} over {prediction.window_s:.3g} s"
             table.add_row(escape(f"prediction of {output}, {recording}"), f"{_size(fit, unit)}{over}")
     if (times := answer.overstated) > TELLING:
-        table.add_row("deviations", f"up to about {times:.2g} times too small: prediction errors are not white")
+        table.add_row("deviations", f"too small, for what is slow about {times:.2g} times, or more: prediction errors are not white")
     for p in answer.profiles.values():
         ends = (
             f"{p.values[k]:.6g} (bound)" if side in p.limited else _end(value, otherwise)

@@ -51,7 +51,10 @@ def answer(result: Smoothing, recordings: Sequence[Recording]) -> str:
         said.append(f"gives {joined(found + more)}.")
         if result.overstated > TELLING:
             times = number(result.overstated, 2)
-            said.append(f" <b>The prediction errors are not white: true deviations may be up to {times} times as large.</b>")
+            said.append(
+                f" <b>The prediction errors are not white: stated deviations are too small, for what is slow about {times} times, "
+                "or more.</b>"
+            )
     else:
         said.append("with all parameters fixed estimates its states and the forces it does not explain.")
     if not result.solver.converged:

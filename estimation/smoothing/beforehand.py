@@ -1,7 +1,9 @@
 """What was known beforehand, and what the data say of it: priors of parameters and starts that they contradict.
 
 A prior N(m, s^2) and data that would leave sigma0 alone give p^ with 1/sigma^2 = 1/s^2 + 1/sigma0^2. Where both are right, p^ - m is
-N(0, s^2 - sigma^2). A start that is held exactly pulls at the cost with g, and would move by -C g were it free, with its covariance C then.
+N(0, s^2 - sigma^2). That difference is lost in rounding where s is much less than sigma0: then the prior is as good as a value that is
+held, and it pulls at the cost with (p^ - m)/s^2; without it p would move by C times that, with its covariance C then. So does a start that
+is held exactly: it pulls with g, and would move by -C g were it free.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from ..wording import measured
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SURE = 5.0  # deviations
-TOLD = 0.01  # of the prior's variance: what the data say of it at least
+TOLD = 0.01  # of the prior's variance: where the data say less of it, it is looked at as if held
 
 
 def contradicted(problem: Problem, solution: Solution) -> list[str]:
@@ -66,17 +68,38 @@ def _measured(value: float, std: float) -> str:
 
 
 def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[str]:
-    values = solution.parameters
-    for index, variance in zip(problem.free, known.parameter_variance, strict=True):
+    row = 0  # of the term of priors
+    for number, index in enumerate(problem.free):
         info = problem.dae.parameters[index]
         given = problem.parameters[info.name]
-        if isinstance(given, Free) and given.std is not None:
-            off = _deviations(values[index] - given.guess, given.std, float(variance))
+        if not isinstance(given, Free) or given.std is None:
+            continue
+        value, variance = float(solution.parameters[index]), float(known.parameter_variance[number])
+        said = f"{info.name} = {given.guess:.6g} ± {given.std:.2g} {info.unit} was known beforehand, and"
+        if given.std**2 - variance > TOLD * given.std**2:
+            off = _deviations(value - given.guess, given.std, variance)
             if off > SURE:
-                yield (
-                    f"{info.name} = {given.guess:.6g} ± {given.std:.2g} {info.unit} was known beforehand, and the estimate "
-                    f"{values[index]:.6g} is {off:.2g} times as far from it as data that agree would lead"
-                )
+                yield f"{said} the estimate {value:.6g} is {off:.2g} times as far from it as data that agree would lead"
+        else:
+            free = _without_prior(solution, number, row, (value - given.guess) / given.std**2)
+            if free is not None and abs(free[0]) > SURE * np.hypot(free[1], given.std):
+                yield f"{said} without that it would be near {value + free[0]:.2g}"
+        row += 1
+
+
+def _without_prior(solution: Solution, number: int, row: int, pull: float) -> tuple[float, float] | None:
+    """How far the number-th free parameter would move without its prior, the row-th, and its deviation then; None where it is not told."""
+    term = solution.term("parameter prior")
+    scale = solution.values.scale[term].copy()
+    scale[row] = 0.0
+    values = replace(solution.values, scale=(*solution.values.scale[:term], scale, *solution.values.scale[term + 1 :]))
+    nlp = solution.transcription.nlp
+    try:
+        free = curvature(nlp, *solution.solver.kkt(solution.solved.decisions, values), values.unit, solution.held)
+    except np.linalg.LinAlgError:
+        return None
+    variance = float(free.parameter_variance[number])
+    return (variance * pull, float(np.sqrt(variance))) if 0 < variance < np.inf else None
 
 
 def _uncertain_starts(solution: Solution, given: set[str]) -> Iterable[str]:

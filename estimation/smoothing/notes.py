@@ -67,6 +67,8 @@ def notes(
         *on_explaining(problem.posed, run.choice.solution, residuals),
         *_on_nothing_settled(run),
         *pulled_notes(problem.posed, run.choice.solution, bounds),
+        *(doubt for doubt in doubts if MISLEAD in doubt),
+        *contradicted(problem, run.choice.solution),
         *noise_notes(problem, estimates),
         *_on_far_ones(problem.posed, run.choice.solution),
         *_on_few(problem),
@@ -83,8 +85,7 @@ def notes(
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution, errors),
-        *doubts,
-        *contradicted(problem, run.choice.solution),
+        *(doubt for doubt in doubts if MISLEAD not in doubt),
         *on_errors(fit, misled, level),
         *on_residuals(residuals, set(residuals) if misled or doubts else silent, level),
     )
@@ -187,7 +188,7 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
                 worth = f"{f.effective_samples:.0f} effective of {f.samples} samples"
                 size = f.overstated
                 said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer, values may"
-                times = f", by up to about {size:.2g} times" if size > TELLING else ""
+                times = f", for what is slow about {size:.2g} times, or more" if size > TELLING else ""
                 found.append(
                     f"{which}: its prediction errors are not white ({_chance(f.whiteness_p)}, {worth}): something is left out or weighed "
                     f"wrongly; stated deviations {said}{times}."
@@ -220,7 +221,10 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
             continue
         if r.follows is not None:
             f = r.follows
-            found.append(f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it.")
+            found.append(
+                f"residual.{place} follows {f.what} (r = {f.correlation:.2f} ± {f.std:.2g}), as {f.law} would make it: "
+                "parameters may be off by more than their deviations."
+            )
         elif r.whiteness_p is not None and r.whiteness_p <= level:
             m = r.memory
             W = "a W with a tau" if m is None else f'W = {{ "{place}" = {{ std = {m.rms:.2g}, tau = {m.tau:.2g} }} }}'

@@ -108,7 +108,11 @@ def companion(
     for state in states:
         rate = rates[state].to_numpy(float) if rates is not None and state in rates else None
         found += laws(state, units.get(state, ""), frame[state].to_numpy(float), time, rate)
-    found += [(f"the input {name}", "an input whose gain is off", np.asarray(u, dtype=float)) for name, u in (inputs or {}).items()]
+    for name, values in (inputs or {}).items():
+        u = np.asarray(values, dtype=float)
+        found.append((f"the input {name}", "an input whose gain is off", u))
+        if u.size > 2:
+            found.append((f"the rate of change of the input {name}", "a delay or a lag of it", np.gradient(u, time)))
     for what, law, values in found:
         r, deviation = correlation(residual[rows], values[rows])
         if abs(r) > max(PLAIN, SURE * deviation) and (best is None or abs(r) > abs(best.correlation)):

@@ -40,6 +40,23 @@ def test_a_prior_far_from_what_the_data_say_is_named_with_its_distance():
     assert float(re.search(r"is ([\d.]+) times", note)[1]) == pytest.approx(expected, rel=0.15)
 
 
+@pytest.mark.parametrize("std", [1e-4 * K, 1e-7 * K])
+def test_a_prior_that_wins_against_the_data_is_named_with_where_they_lead(std):
+    y = record(1)
+    free = problem(y)[0].parameters["spring.k"]
+    result, _ = problem(y, parameters=ALL_FREE | {"spring.k": Free(1.1 * K, std=std)})
+    (note,) = said(result)
+    found = re.fullmatch(
+        rf"spring\.k = 55 ± (\S+) N/m was known beforehand, and without that it would be near (\S+): {re.escape(MISLEADS)}", note
+    )
+    assert found is not None
+    assert float(found[2]) == pytest.approx(free.value, rel=0.05)  # by one step, and in two digits
+
+
+def test_a_prior_that_wins_and_is_right_is_not_named():
+    assert said(problem(record(1), parameters=ALL_FREE | {"spring.k": Free(K, std=1e-4 * K)})[0]) == []
+
+
 def test_a_start_that_is_held_is_compared_with_where_the_data_put_it():
     y = record(2)
     free = problem(y)[1]

@@ -37,7 +37,7 @@ def test_errors_that_are_not_white_say_what_the_samples_are_worth_and_the_deviat
     (note,) = on_errors({"run": {"x": fit(whiteness_p=1e-9, effective_samples=250.0)}})
     assert note.startswith("x: its prediction errors are not white (p = 1e-09, 250 effective of 1000 samples)")
     # a mean of errors with four times the memory has twice the deviation
-    assert note.endswith("stated deviations are too small, by up to about 2 times.")
+    assert note.endswith("stated deviations are too small, for what is slow about 2 times, or more.")
     (note,) = on_errors({"run": {"x": fit(whiteness_p=0.0, effective_samples=950.0)}})
     assert "p < 1e-99" in note
     assert note.endswith("stated deviations hardly suffer, values may.")
@@ -84,7 +84,10 @@ def test_of_a_dozen_tests_one_may_have_the_p_of_one_in_a_hundred(p, told):
         ),
         (
             {"whiteness_p": 1e-4, "follows": Companion(what="|axis.v|", law="friction that differs", correlation=0.634, std=0.05)},
-            ["residual.axis follows |axis.v| (r = 0.63 ± 0.05), as friction that differs would make it."],
+            [
+                "residual.axis follows |axis.v| (r = 0.63 ± 0.05), as friction that differs would make it: "
+                "parameters may be off by more than their deviations."
+            ],
         ),
     ],
 )

@@ -76,3 +76,14 @@ def test_an_input_whose_gain_is_off_is_named(motion: pd.DataFrame) -> None:
     assert found.what == "the input F"
     assert found.correlation == pytest.approx(0.1 / np.sqrt(0.1**2 + 0.05**2), abs=0.02)
     assert 0 < found.std < 0.1
+
+
+def test_an_input_that_acts_late_is_named(motion: pd.DataFrame) -> None:
+    rng, n, t = np.random.default_rng(5), len(motion), motion["t_s"].to_numpy()
+    u = np.sin(7 * t) + 0.4 * np.sin(29 * t + 1.0)
+    late = np.sin(7 * (t - 0.01)) + 0.4 * np.sin(29 * (t - 0.01) + 1.0)
+    found = companion(late - u + 0.05 * rng.standard_normal(n), ["carriage.v"], motion, UNITS, np.arange(n), {"F": u})
+    assert found is not None
+    assert found.what == "the rate of change of the input F"
+    assert found.law == "a delay or a lag of it"
+    assert found.correlation < -0.8
