@@ -14,6 +14,7 @@ from backsight.ocp.polynomials import Array
 from ..problem import Problem
 
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
+GEOMETRY = {"m", "rad", "1"}  # units of what says where a force acts, not how strong it is
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -27,18 +28,19 @@ def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Arr
     return np.asarray(values, dtype=np.float64)
 
 
-def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False) -> dict[int, float]:
+def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False, borne: bool = False) -> dict[int, float]:
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
-    weight that hangs in the air is nothing.
+    weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
     rows = dae.balances_of(places)
     F = dae.undisturbed(dae.residual[rows])
-    acting = ca.vertcat(dae.dx, dae.z, dae.u, dae.p)
+    acting = ca.vertcat(dae.dx, dae.z, dae.u, _not_geometry(dae, F) if borne else dae.p)
     told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
     parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
     parts[told, acting.shape[0] :] = 0
@@ -53,6 +55,13 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
     return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(places, size, strict=True)}
 
 
+def _not_geometry(dae: Dae, F: Any) -> Any:
+    """The parameters without the lengths and ratios that enter F times positions."""
+    positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
+    arms = [q.unit in GEOMETRY and ca.depends_on(ca.jacobian(F, dae.p[i]), positions) for i, q in enumerate(dae.parameters)]
+    return ca.vertcat(*(dae.p[i] for i, arm in enumerate(arms) if not arm))
+
+
 def rms(r: Array) -> Array:
     """Of every row."""
     return np.asarray(np.sqrt(np.mean(r**2, axis=1)), dtype=np.float64)
@@ -60,5 +69,10 @@ def rms(r: Array) -> Array:
 
 def exact_forces(problem: Problem, followed: Followed, parameters: Array) -> dict[int, float]:
     """Place -> std of a residual force so small that no machine's balance is as good, white from interval to interval of the mesh."""
+    return {k: RIGID * f for k, f in white_forces(problem, followed, parameters, borne=True).items()}
+
+
+def white_forces(problem: Problem, followed: Followed, parameters: Array, *, borne: bool = False) -> dict[int, float]:
+    """Place -> std of a residual force as large as `forces`, white from interval to interval of the mesh."""
     step = float(np.median(np.concatenate([h.mesh.steps for h in followed.transcription.horizons])))
-    return {k: RIGID * f * step**0.5 for k, f in forces(problem, followed, parameters).items()}
+    return {k: f * step**0.5 for k, f in forces(problem, followed, parameters, borne=borne).items()}

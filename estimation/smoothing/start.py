@@ -14,7 +14,7 @@ import numpy as np
 from backsight.ocp.follow import Followed
 
 from ..problem import Problem
-from .along import RIGID, exact_forces
+from .along import RIGID, exact_forces, white_forces
 from .approach import NEAR, TIGHTEST, approach
 from .begun import Begun
 from .initial_guess import balance
@@ -57,13 +57,14 @@ def from_samples(plain: Problem, stds: Stds, laws: tuple[FrictionLaw, ...], sett
         return Start(followed=followed, parameters=parameters, force_std={k: tight * std for k, std in held.items()})
     given = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
     begun = approach(plain, followed, laws, parameters, given, say)
+    exact = exact_forces(plain, begun.followed, begun.parameters)
     # where a way stopped short its forces say nothing
     hidden = moving_unseen(plain) & begun.force_std.keys() - given.keys() if begun.share <= NEAR else set[int]()
     return Start(
         followed=begun.followed,
         parameters=begun.parameters,
         force_std={k: tight * std for k, std in begun.force_std.items()},
-        floor={k: RIGID * begun.whole[k] for k in begun.force_std},
+        floor={k: min(RIGID * begun.whole[k], exact[k]) for k in begun.force_std},
         ceiling={k: WILD * begun.whole[k] for k in hidden},
     )
 
@@ -72,9 +73,9 @@ def from_solution(problem: Problem, plain: Problem, begin: Begun, supposed: Coll
     """What a solution of the same recordings is for this problem. supposed: names of places that only a hypothesis has."""
     names = [p.name for p in problem.dae.places]
     parameters = begin.start(problem)
-    exact = exact_forces(problem, begin.followed, parameters)
+    exact, whole = (of(problem, begin.followed, parameters) for of in (exact_forces, white_forces))
     # a place that only this model has gets the share of its forces that an approach ends with
-    force_std = {k: begin.force_std.get(names[k], TIGHTEST / RIGID * least) for k, least in exact.items()}
+    force_std = {k: begin.force_std.get(names[k], TIGHTEST * size) for k, size in whole.items()}
     hidden = {k for k in moving_unseen(plain) if names[k] not in problem.weights.W}
     new = {k for k in hidden if names[k] in supposed or names[k] not in begin.force_std}
     return Start(
@@ -82,6 +83,6 @@ def from_solution(problem: Problem, plain: Problem, begin: Begun, supposed: Coll
         parameters=parameters,
         force_std=force_std,
         floor={k: min(std, exact[k]) for k, std in force_std.items()},
-        ceiling={k: (SUPPOSED if k in new else WILD) / RIGID * exact[k] for k in hidden},
+        ceiling={k: (SUPPOSED if k in new else WILD) * whole[k] for k in hidden},
         strengths={k: begin.at_rest[name] for k, name in enumerate(names) if name in begin.at_rest},
     )

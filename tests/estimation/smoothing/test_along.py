@@ -12,7 +12,9 @@ from backsight.estimation import Problem, Recording
 from backsight.estimation.smoothing.along import along, forces
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
-from backsight.models.mechanics.rotational import AngleSensor
+from backsight.models import Model
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, Torque
+from backsight.models.mechanics.translational import Mass, PositionSensor, SpringDamper
 from backsight.models.plants import actuator
 
 A, OMEGA, M, D = 0.1, 2 * np.pi, 95.0, 200.0
@@ -66,3 +68,28 @@ def test_a_shaft_that_turns_bears_its_twist_and_not_its_angle(turned):
     trajectories = follow_closely(problem, output_stds(problem)[0], None)
     sizes = forces(problem, trajectories, problem.values)
     assert list(sizes.values()) == pytest.approx([40.0 * 0.03 / np.sqrt(2)] * 2, rel=0.01)  # k times the twist
+
+
+@pytest.mark.parametrize("turned", [0.0, 100.0])
+def test_a_belt_behind_a_wheel_bears_what_it_is_stretched_and_not_its_stiffness_times_where_the_wheel_is(turned):
+    """The wheel's radius stands in the belt's force beside an angle that says nothing of it."""
+    t, r, k, far = np.linspace(0.0, 2.0, 2001), 0.02, 5e4, 1e-4
+    swing = np.sin(OMEGA * t)
+    motion = {"phi": turned + 0.5 * swing, "s": r * (turned + 0.5 * swing) - far * swing}
+    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=motion, output_std={"phi": 1e-7, "s": 1e-9})
+    model = Model(
+        name="belt",
+        components={
+            "source": Torque(), "motor": Inertia(J=1e-6), "wheel": Rack(r=r), "belt": SpringDamper(k=k, d=0.0), "mass": Mass(m=1e-3),
+            "encoder": AngleSensor(), "scale": PositionSensor(),
+        },
+        connections=[
+            ("source.flange", "motor.flange"), ("motor.flange", "encoder.flange"), ("motor.flange", "wheel.wheel"),
+            ("wheel.rack", "belt.flange_a"), ("belt.flange_b", "mass.flange"), ("mass.flange", "scale.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi", "s": "scale.s"},
+    )  # fmt: skip
+    problem = Problem(model=model, recordings=[recording])
+    sizes = forces(problem, follow_closely(problem, output_stds(problem)[0], None), problem.values, borne=True)
+    assert list(sizes.values()) == pytest.approx([r * k * far / np.sqrt(2), k * far / np.sqrt(2)], rel=0.01)
