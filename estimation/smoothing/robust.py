@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from backsight.ocp import Solution
+from backsight.ocp import Solution, Status
 from backsight.ocp.nlp import Values
 
 from ..problem import Problem
@@ -212,7 +212,8 @@ def _reweighted(
         now = RobustSolution(
             **{f.name: getattr(solution, f.name) for f in fields(Solution)}, weights=w, gain=np.ones_like(w), huber=huber, settled=settled
         )
-        if not solution.solved.status.converged:
+        slow = solution.solved.status is Status.ITERATIONS and newton and not full  # exact second derivatives may lead on
+        if not (solution.solved.status.converged or slow):
             break
         decisions, z = solution.solved.decisions, now.standardised
         anew = np.where(huber, weight(z), 1.0)
@@ -220,7 +221,7 @@ def _reweighted(
         now = replace(now, settled=settled)
         if settled and (full or not newton):
             break
-        full, w = settled and newton, anew
+        full, w = (settled or slow) and newton, anew
     return replace(now, solved=replace(now.solved, iterations=iterations))
 
 

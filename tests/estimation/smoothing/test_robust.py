@@ -16,6 +16,7 @@ from backsight.estimation.smoothing.outliers import _unexpected
 from backsight.estimation.smoothing.robust import CORNER, expected_slope, expected_square, heavy_tailed, weight
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.models.errors import InputError
+from backsight.ocp import Options
 
 MODEL, PLANT, STD = compiled(oscillator()), truths.Plant(m=M, d=D, k=K, offset=OFFSET), 1e-3
 TRUE = {"mass.m": M, "spring.k": K, "damper.d": D, "offset.f": OFFSET}
@@ -295,3 +296,12 @@ def test_a_column_carries_its_loss_into_the_recording(tmp_path):
     path.write_text("t,F,x\n" + "\n".join(f"{0.1 * k},{k % 2},{0.1 * k}" for k in range(10)) + "\n")
     r = Recording.read(path, time="t", inputs={"F": "F"}, outputs={"x": OutputColumn("x", loss="huber")})
     assert r.output_loss == {"x": "huber"}
+
+
+@pytest.mark.parametrize("loss", ["huber", "auto"])
+def test_where_plain_steps_do_not_arrive_exact_second_derivatives_lead_on(loss):
+    """The rounds of weights begin with plain steps alone; that these stop at their limit is no answer yet."""
+    r = recorded(3, share=0.05, loss=loss)
+    usual, few = fitted(r), fitted(r, settings=Settings(options=Options(gauss_newton_iterations=1)))
+    for name in FREE:
+        assert few.parameters[name].value == pytest.approx(usual.parameters[name].value, abs=1e-2 * usual.parameters[name].std)
