@@ -29,6 +29,13 @@ def test_single_outliers_are_found_while_the_signal_moves_as_fast(n):
     assert np.mean(found[~off]) < 0.05  # neighbours of an outlier may be doubted
 
 
+@pytest.mark.parametrize("places", [[4], [2, 5], [50, 52, 55], [95, 97]])
+def test_good_samples_at_an_end_or_between_outliers_are_no_outliers(places):
+    time, y, rng = smooth_motion(100, 7)
+    y[places] += 1000 * STD * np.sign(rng.normal(size=len(places)))
+    assert np.flatnonzero(outlying(time, y)).tolist() == places
+
+
 def test_a_sound_signal_keeps_its_samples():
     for seed in range(20):
         time, y, _ = smooth_motion(1000, seed)
