@@ -51,13 +51,12 @@ def runs(recording: Recording) -> list[slice]:
 
 def lost_note(recording: Recording) -> str | None:
     """What rows that are not there mean for this recording; None where the clock is uneven throughout, or no row is missing."""
-    if recording.drive is not None:
-        return None  # the inputs are known in between
-    steps = np.diff(recording.time) / recording.sampling
-    even, lost = np.abs(steps - 1.0) < UNEVEN, (steps > 1.0 + 2 * UNEVEN) & (np.diff(recording.time) <= gap_limit(recording))
+    time = recording.time if recording.drive is None else recording.drive.time  # the clock of the inputs
+    steps = np.diff(time) / float(np.median(np.diff(time)))
+    even, lost = np.abs(steps - 1.0) < UNEVEN, (steps > 1.0 + 2 * UNEVEN) & (np.diff(time) <= gap_limit(recording))
     if not lost.any() or np.mean(even) < EVEN:
         return None
-    count, first = int(np.round(steps[lost] - 1.0).sum()), float(recording.time[:-1][lost][0])
+    count, first = int(np.round(steps[lost] - 1.0).sum()), float(time[:-1][lost][0])
     rows = "1 row is missing" if count == 1 else f"{count} rows are missing, the first"
     how = "keep their value" if recording.hold == "zero" else "run straight"
     so = f"its inputs are taken to {how} until the next row, and if they did not a force is seen there"

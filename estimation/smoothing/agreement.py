@@ -17,6 +17,7 @@ from backsight.ocp import Solution
 
 from ..problem import Problem
 from ..supposed import INPUT, PARAMETER
+from ..wording import listed
 from .rest import near_rest
 from .robust import row_squares
 
@@ -54,17 +55,19 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
 
 
 def too_sharp(problem: Problem, run: Run, noise: Array) -> dict[tuple[str, str], str]:
-    """Recording and output -> a sentence, where the V that was given is less than what its samples show of noise, (H, ny)."""
+    """Recording and output -> a sentence, where V is less than what its samples show of noise, (H, ny)."""
     found = {}
     for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, noise.T, strict=True)):
         for h, (piece, table) in enumerate(zip(problem.fitted, run.stds, strict=True)):
-            if q.name not in table or q.name in run.open_outputs[h] or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
+            if q.name not in table or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
                 continue
             of = f" of {piece.name}" if len({p.name for p in problem.fitted}) > 1 else ""
+            given = q.name not in run.open_outputs[h]
+            remedy = "Give it about that, or leave it out." if given else "Give V, and look for what contradicts this sensor or its model."
             found[piece.name, q.name] = (
-                f"V of {q.name}{of} is given as {std:.3g} {q.unit}, and its samples have noise of {shown[h]:.2g} {q.unit}, by how they "
-                f"alternate or by their steps. What is more than V allows then passes for forces, or for what the model lacks. {MISLEAD} "
-                "Give it about that, or leave it out."
+                f"V of {q.name}{of} is {'given as' if given else 'from the data,'} {std:.3g} {q.unit}, and its samples have noise of "
+                f"{shown[h]:.2g} {q.unit}, by how they alternate or by their steps. What is more than V allows then passes for forces, or "
+                f"for what the model lacks. {MISLEAD} {remedy}"
             )
     return found
 
@@ -98,9 +101,11 @@ def contradictions(problem: Problem, run: Run, shown: Array) -> list[str]:
             )
         noise = max((run.noise(h, q.name, i) / shown[h, i] for h in with_it if h not in given and shown[h, i] > 0), default=0.0)
         if noise > COLOURED:
+            held = [p.name for p in problem.dae.places if p.name in problem.weights.W]
+            what = f"W of {listed(held)} leaves too little room for it" if held else "of the sensor, of its time stamps, or of the model"
             found.append(
                 f"V of {q.name} is {noise:.2g} times the noise that differences of its samples show: most of what the fit leaves over is "
-                f"something else, and W leaves too little room for it. {MISLEAD}"
+                f"something else, {'and ' if held else ''}{what}. {MISLEAD}"
             )
     return found
 

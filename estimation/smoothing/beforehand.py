@@ -23,7 +23,8 @@ from ..wording import measured
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-SURE = 5.0  # deviations
+SURE = 5.0  # deviations of a start, which there are many of
+CONTRARY = 3.5  # deviations of a prior: one in 2000
 TOLD = 0.01  # of the prior's variance: where the data say less of it, it is looked at as if held
 
 
@@ -78,11 +79,15 @@ def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[
         said = f"{info.name} = {given.guess:.6g} ± {given.std:.2g} {info.unit} was known beforehand, and"
         if given.std**2 - variance > TOLD * given.std**2:
             off = _deviations(value - given.guess, given.std, variance)
-            if off > SURE:
-                yield f"{said} the estimate {value:.6g} is {off:.2g} times as far from it as data that agree would lead"
+            if off > CONTRARY:
+                alone = value + (value - given.guess) * variance / (given.std**2 - variance)
+                yield (
+                    f"{said} the estimate {value:.6g} is {off:.2g} times as far from it as data that agree would lead; without it that "
+                    f"would be near {alone:.4g}"
+                )
         else:
             free = _without_prior(solution, number, row, (value - given.guess) / given.std**2)
-            if free is not None and abs(free[0]) > SURE * np.hypot(free[1], given.std):
+            if free is not None and abs(free[0]) > CONTRARY * np.hypot(free[1], given.std):
                 yield f"{said} without that it would be near {value + free[0]:.2g}"
         row += 1
 

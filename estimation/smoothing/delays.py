@@ -313,8 +313,8 @@ def _posed(asked: Problem, expanded: Mapping[str, float], guesses: Mapping[str, 
 def _notes(about: Mapping[str, float], sought: Mapping[str, Free | float], interval: float, open_ends: Sequence[str]) -> list[str]:
     """What a reader should know of how the delays came out; open_ends: of those that are not where they were expanded."""
     notes = [
-        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, the delay that was "
-        f"{'found' if isinstance(sought[name], Free) else 'given'}; times in other notes are theirs then."
+        f"The samples of {_of(name)} were moved back by {d * interval:.6g} s, "
+        f"{'about the delay that was found' if isinstance(sought[name], Free) else 'the delay that was given'}; times are theirs then."
         for name, d in about.items()
         if d != 0.0
     ]

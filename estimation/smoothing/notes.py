@@ -20,6 +20,7 @@ from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth
 from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
 from .beforehand import contradicted
+from .clock import clock_notes
 from .dead import on_dead_inputs, on_dead_outputs
 from .explaining import on_explaining, weighed_places
 from .horizons import shown_noise
@@ -69,6 +70,7 @@ def notes(
         *pulled_notes(problem.posed, run.choice.solution, bounds),
         *(doubt for doubt in doubts if MISLEAD in doubt),
         *contradicted(problem, run.choice.solution),
+        *clock_notes(problem, estimates),
         *noise_notes(problem, estimates),
         *_on_far_ones(problem.posed, run.choice.solution),
         *_on_few(problem),

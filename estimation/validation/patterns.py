@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from ..results import Companion
+from ..wording import listed
 from .autocorrelation import autocorrelation
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -15,6 +17,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 VELOCITY_UNITS, POSITION_UNITS = ("m/s", "rad/s"), ("m", "rad")
 PLAIN, SURE = 0.3, 4.0  # correlation, and its size in standard deviations, from which on a pattern is plain
 ONE_WAY = 0.02  # share of the time that a body which moves both ways moves the other one
+CONSTANT = "a constant force"
+OTHER = 0.5  # of the largest of the means of several recordings: where they differ by more each has its own
 QUIET = 0.1  # of its deviations: a residual force that small is made of what was supposed of it, and follows nothing
 _FORCE_TO_MOTION = {"N": "m", "N.m": "rad", "N m": "rad", "N*m": "rad"}
 
@@ -120,5 +124,14 @@ def companion(
     share, deviation = constant_share(residual[rows])
     if abs(share) > max(PLAIN, SURE * deviation) and (best is None or abs(share) > abs(best.correlation)):
         mean = float(np.nanmean(residual[rows]))
-        best = Companion(what=f"a constant, {mean:.3g} {unit}".rstrip(), law="a constant force", correlation=share, std=deviation)
+        best = Companion(what=f"a constant, {mean:.3g} {unit}".rstrip(), law=CONSTANT, correlation=share, std=deviation)
     return best
+
+
+def differing(constant: Companion, means: Mapping[str, float], unit: str) -> Companion:
+    """A residual's mean that goes with a constant, where it is another one in other recordings; means: of every recording."""
+    values = list(means.values())
+    if max(values) - min(values) <= OTHER * max(map(abs, values)):
+        return constant
+    what = f"a constant of every recording, {listed([f'{mean:.3g} {unit} in {name}' for name, mean in means.items()])}"
+    return replace(constant, what=what, law="a parameter that should be each recording's own (per_recording = true)")

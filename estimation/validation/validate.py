@@ -19,7 +19,7 @@ from .criteria import criteria
 from .fit import output_fit
 from .forces import force_whiteness
 from .innovations import innovations
-from .patterns import QUIET, companion, own_states
+from .patterns import CONSTANT, QUIET, companion, differing, own_states
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
@@ -104,4 +104,7 @@ def followed(
         chosen, _ = own_states(place, unit, states, units)
         friend = companion(w, chosen, table, units, rows, inputs.get(name), unit, rates.get(name))
         found += [friend] if friend is not None else []
-    return max(found, key=lambda c: abs(c.correlation), default=None)
+    best = max(found, key=lambda c: abs(c.correlation), default=None)
+    if best is None or best.law != CONSTANT or len(estimates) == 1:
+        return best
+    return differing(best, {name: float(np.nanmean(table[f"residual.{place}"])) for name, table in estimates.items()}, unit)

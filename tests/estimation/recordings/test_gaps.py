@@ -11,6 +11,7 @@ import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
+from backsight.estimation.recordings.delay import moved
 from backsight.estimation.recordings.gaps import gap_note, lost_note
 from backsight.models.errors import InputError
 
@@ -148,3 +149,7 @@ def test_rows_that_are_missing_from_an_even_clock_are_said_and_an_uneven_clock_i
     assert said.startswith("run: 3 rows are missing, the first after t = 0.49 s; its inputs are taken to keep their value")
     uneven = np.cumsum(np.random.default_rng(1).uniform(0.005, 0.03, 200))
     assert lost_note(replace(even, time=uneven)) is None
+    # samples that a delay moved keep the inputs on their own clock, which lacks the same rows
+    late = moved(replace(even, time=time[kept], inputs={"F": time[kept]}, outputs={"x": time[kept]}), {"x": 0.003})
+    assert late.drive is not None
+    assert lost_note(late) == said

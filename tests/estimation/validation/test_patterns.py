@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backsight.estimation.validation.patterns import companion, correlation, own_states
+from backsight.estimation.results import Companion
+from backsight.estimation.validation.patterns import CONSTANT, companion, correlation, differing, own_states
 
 UNITS = {"carriage.s": "m", "carriage.v": "m/s", "wheel.omega": "rad/s", "motor.i": "A"}
 
@@ -76,6 +77,15 @@ def test_an_input_whose_gain_is_off_is_named(motion: pd.DataFrame) -> None:
     assert found.what == "the input F"
     assert found.correlation == pytest.approx(0.1 / np.sqrt(0.1**2 + 0.05**2), abs=0.02)
     assert 0 < found.std < 0.1
+
+
+def test_constants_that_differ_between_recordings_are_each_ones_own():
+    plain = Companion(what="a constant, 7 N", law=CONSTANT, correlation=0.7, std=0.02)
+    assert differing(plain, {"a": 7.0, "b": 6.5}, "N") == plain
+    found = differing(plain, {"a": 7.0, "b": -6.5}, "N")
+    assert found.what == "a constant of every recording, 7 N in a and -6.5 N in b"
+    assert "per_recording" in found.law
+    assert found.correlation == plain.correlation
 
 
 def test_an_input_that_acts_late_is_named(motion: pd.DataFrame) -> None:
