@@ -51,7 +51,12 @@ def runs(recording: Recording) -> list[slice]:
 
 def lost_note(recording: Recording) -> str | None:
     """What rows that are not there mean for this recording; None where the clock is uneven throughout, or no row is missing."""
-    time = recording.time if recording.drive is None else recording.drive.time  # the clock of the inputs
+    time = recording.time
+    if recording.drive is not None:  # the clock of the inputs, which may go on beyond the rows
+        clock = recording.drive.time
+        time = clock[(clock >= time[0]) & (clock <= time[-1])]
+    if not recording.inputs or len(time) < 2:
+        return None
     steps = np.diff(time) / float(np.median(np.diff(time)))
     even, lost = np.abs(steps - 1.0) < UNEVEN, (steps > 1.0 + 2 * UNEVEN) & (np.diff(time) <= gap_limit(recording))
     if not lost.any() or np.mean(even) < EVEN:

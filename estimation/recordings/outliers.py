@@ -24,9 +24,10 @@ Rows = NDArray[np.intp]
 AHEAD, BEHIND = (1, 2, 3, 4), (-4, -3, -2, -1)
 AROUND = (AHEAD, BEHIND, (-3, -1, 1, 3), (-4, -2, 2, 4), (-2, -1, 1, 2), (-4, -3, 3, 4), (-6, -5, 5, 6))
 GROSS = 10.0  # standard deviations of what is usual
-# A sample less the cubic through the four next to it on one side has root(1 + 4^2 + 6^2 + 4^2 + 1) = 8.4 times its noise, and more where
-# these are farther away; four deviations of that count as GROSS. Where it has ROUGH times its noise they do not tell.
-EXTRAPOLATED, ROUGH = 0.4, 40.0
+# A sample less the cubic through the four next to it on one side has root(1 + 4^2 + 6^2 + 4^2 + 1) = 8.4 times its noise: four deviations
+# of that count as GROSS. Where these are farther away it has more, and from ROUGH times on they do not tell; but no more is forgiven, or
+# outliers side by side would excuse each other.
+EXTRAPOLATED, NEXT, ROUGH = 0.4, 8.4, 40.0
 PASSES = 3  # an outlier may hide its neighbour
 MOST = 0.25  # of the samples: more are no outliers but what the signal is like
 
@@ -70,7 +71,7 @@ def _distance(time: Array, y: Array, rows: Rows, others: Rows) -> Array:
         inside = np.all((near >= 0) & (near < len(others)), axis=1)
         cubic, noise = _cubic(time[rows], time, y, others[np.clip(near, 0, len(others) - 1)])
         cubics.append(np.where(inside & (noise < ROUGH), cubic, np.nan))
-        rough.append(EXTRAPOLATED * noise)
+        rough.append(EXTRAPOLATED * np.minimum(noise, NEXT))
     some = np.isfinite(cubics).any(axis=0)
     middle = np.full(len(rows), np.nan)
     middle[some] = np.nanmedian(np.array(cubics)[:, some], axis=0)

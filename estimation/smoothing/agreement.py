@@ -55,20 +55,33 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
 
 
 def too_sharp(problem: Problem, run: Run, noise: Array) -> dict[tuple[str, str], str]:
-    """Recording and output -> a sentence, where V is less than what its samples show of noise, (H, ny)."""
+    """Recording and output -> a sentence, where the V that was given is less than what its samples show of noise, (H, ny)."""
     found = {}
     for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, noise.T, strict=True)):
         for h, (piece, table) in enumerate(zip(problem.fitted, run.stds, strict=True)):
-            if q.name not in table or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
+            if q.name not in table or q.name in run.open_outputs[h] or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
                 continue
             of = f" of {piece.name}" if len({p.name for p in problem.fitted}) > 1 else ""
-            given = q.name not in run.open_outputs[h]
-            remedy = "Give it about that, or leave it out." if given else "Give V, and look for what contradicts this sensor or its model."
             found[piece.name, q.name] = (
-                f"V of {q.name}{of} is {'given as' if given else 'from the data,'} {std:.3g} {q.unit}, and its samples have noise of "
-                f"{shown[h]:.2g} {q.unit}, by how they alternate or by their steps. What is more than V allows then passes for forces, or "
-                f"for what the model lacks. {MISLEAD} {remedy}"
+                f"V of {q.name}{of} is given as {std:.3g} {q.unit}, and its samples have noise of {shown[h]:.2g} {q.unit}, by how they "
+                f"alternate or by their steps. What is more than V allows then passes for forces, or for what the model lacks. {MISLEAD} "
+                "Give it about that, or leave it out."
             )
+    return found
+
+
+def far_below(problem: Problem, run: Run, noise: Array) -> dict[tuple[str, str], str]:
+    """Recording and output -> a sentence, where V came out far below what its samples show: they may be the answer to an input."""
+    found = {}
+    for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, noise.T, strict=True)):
+        for h, piece in enumerate(problem.fitted):
+            if q.name in run.open_outputs[h] and shown[h] > SHARPER * (std := run.noise(h, q.name, i)):
+                of = f" of {piece.name}" if len({p.name for p in problem.fitted}) > 1 else ""
+                found[piece.name, q.name] = (
+                    f"V of {q.name}{of} came out as {std:.3g} {q.unit}, {shown[h] / std:.2g} times less than how its samples alternate or "
+                    "step. That may be what an input that steps at every sample does; if none does, the model contradicts this sensor, or "
+                    "another one: give V."
+                )
     return found
 
 

@@ -38,6 +38,8 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
+    if not places:
+        return {}
     rows = dae.balances_of(places)
     F = dae.undisturbed(dae.residual[rows])
     acting = ca.vertcat(dae.dx, dae.z, dae.u, _not_geometry(dae, F) if borne else dae.p)

@@ -88,7 +88,7 @@ def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[
         else:
             free = _without_prior(solution, number, row, (value - given.guess) / given.std**2)
             if free is not None and abs(free[0]) > CONTRARY * np.hypot(free[1], given.std):
-                yield f"{said} without that it would be near {value + free[0]:.2g}"
+                yield f"{said} without that it would be near {_measured(value + free[0], free[1])}"
         row += 1
 
 

@@ -9,15 +9,17 @@ import pandas as pd
 
 from ..problem import Problem
 
-GROWS = 1.5  # times from the slowest third of the samples to the middle one, and from there to the fastest
+GROWS = 1.3  # times from the slowest third of the samples to the middle one, and from there to the fastest
 NORMAL = 0.6745  # median of the absolute values of a standard normal, which single outliers leave alone
+MOVES = 0.1  # of the rms rate: slower samples count as at rest
+ALIKE = 1.5  # times that the two faster thirds may differ in how far a clock would have to be off
 FEW = 300  # samples: fewer say little of thirds
 
 
 def clock_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list[str]:
     """A sentence for every output whose errors grow with its rate as those of a clock would.
 
-    Errors of a sensor do not, nor do steps of an encoder, which are the same as soon as it moves.
+    Noise of a sensor does not, nor do steps of an encoder, which are the same as soon as it moves; errors of its gain go with where it is.
     """
     found = []
     for name, table in estimates.items():
@@ -31,14 +33,18 @@ def clock_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list
             there = np.isfinite(error) & np.isfinite(rate)
             if np.count_nonzero(there) < FEW:
                 continue
-            error, rate = error[there], rate[there]
-            thirds = np.array_split(np.argsort(rate, kind="stable"), 3)
-            slow, middle, fast = (float(np.median(np.abs(error[part]))) / NORMAL for part in thirds)
-            if middle > GROWS * slow and fast > GROWS * middle:
+            if not (moving := there & (rate > MOVES * np.sqrt(np.mean(rate[there] ** 2)))).any():
+                continue
+            size, speed, far = np.abs(error[moving]), rate[moving], np.abs(smoothed - np.mean(smoothed[there]))[moving]
+            thirds = np.array_split(np.argsort(speed, kind="stable"), 3)
+            slow, middle, fast = (float(np.median(size[part])) / NORMAL for part in thirds)
+            off = [float(np.median(size[part]) / NORMAL / np.median(speed[part])) for part in thirds[1:]]
+            alike = max(off) < ALIKE * min(off) and np.corrcoef(size, speed)[0, 1] > np.corrcoef(size, far)[0, 1]
+            if middle > GROWS * slow and fast > GROWS * middle and alike:
                 which = f"{q.name} of {name}" if len(estimates) > 1 else q.name
                 found.append(
                     f"{which}: measured minus smoothed grows with how fast it moves, {slow:.2g} {q.unit} in the slowest third of the "
-                    f"samples and {fast:.2g} in the fastest. Time stamps that are off by about {fast / np.median(rate[thirds[2]]):.2g} s "
-                    "would make it: are they those at which the sensor was read?"
+                    f"samples and {fast:.2g} in the fastest. Time stamps that are off by about {off[-1]:.2g} s would make it, or a "
+                    "vibration that comes with motion: are they those at which the sensor was read?"
                 )
     return found

@@ -18,7 +18,7 @@ from ..recordings.gaps import clock_note, gap_note, lost_note, rates_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary, doubted
 from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth
-from .agreement import MISLEAD, contradictions, nothing_there, too_sharp
+from .agreement import MISLEAD, contradictions, far_below, nothing_there, too_sharp
 from .beforehand import contradicted
 from .clock import clock_notes
 from .dead import on_dead_inputs, on_dead_outputs
@@ -61,7 +61,10 @@ def notes(
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, bounds, fit, residuals)
     shown, silent = shown_noise(problem), nothing_there(problem, run)
-    misled = {which: said for which, said in too_sharp(problem, run, shown).items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
+    misled, low = (
+        {which: note for which, note in said.items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
+        for said in (too_sharp(problem, run, shown), far_below(problem, run, shown))
+    )
     doubts, level = contradictions(problem, run, shown), doubted(fit, residuals)
     return (
         *misled.values(),
@@ -69,6 +72,7 @@ def notes(
         *_on_nothing_settled(run),
         *pulled_notes(problem.posed, run.choice.solution, bounds),
         *(doubt for doubt in doubts if MISLEAD in doubt),
+        *low.values(),
         *contradicted(problem, run.choice.solution),
         *clock_notes(problem, estimates),
         *noise_notes(problem, estimates),

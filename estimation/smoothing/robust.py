@@ -204,7 +204,7 @@ def solve_robustly(
 def _reweighted(
     solve: Callable[[Array, Values, bool], Solution], z: Array, decisions: Array, values: Values, newton: bool, huber: Mask, number: int
 ) -> RobustSolution:
-    iterations, full, settled = 0, False, False
+    iterations, full, settled, led = 0, False, False, False  # led: by exact second derivatives, where plain steps did not arrive
     w = np.where(huber, weight(z), 1.0)
     for _ in range(ROUNDS):
         solution = solve(decisions, _scaled(values, number, np.sqrt(w)), full)
@@ -221,7 +221,8 @@ def _reweighted(
         now = replace(now, settled=settled)
         if settled and (full or not newton):
             break
-        full, w = (settled or slow) and newton, anew
+        led = led or slow
+        full, w = (settled or led) and newton, anew
     return replace(now, solved=replace(now.solved, iterations=iterations))
 
 

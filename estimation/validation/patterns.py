@@ -128,10 +128,20 @@ def companion(
     return best
 
 
-def differing(constant: Companion, means: Mapping[str, float], unit: str) -> Companion:
-    """A residual's mean that goes with a constant, where it is another one in other recordings; means: of every recording."""
-    values = list(means.values())
-    if max(values) - min(values) <= OTHER * max(map(abs, values)):
+def differing(constant: Companion, residuals: Mapping[str, Array], unit: str) -> Companion:
+    """A residual that goes with a constant, where that is plainly another one in other recordings; residuals: recording -> (n,)."""
+    means, variances = dict[str, float](), dict[str, float]()
+    for name, residual in residuals.items():
+        w = residual[np.isfinite(residual)]
+        rms = float(np.sqrt(np.mean(w**2))) if w.size else 0.0
+        if rms > 0:
+            share, deviation = constant_share(w)
+            means[name], variances[name] = share * rms, (deviation * rms) ** 2
+    if len(means) < 2:
+        return constant
+    least, most = min(means, key=lambda name: means[name]), max(means, key=lambda name: means[name])
+    apart = means[most] - means[least]
+    if apart <= max(OTHER * max(map(abs, means.values())), SURE * float(np.sqrt(variances[most] + variances[least]))):
         return constant
     what = f"a constant of every recording, {listed([f'{mean:.3g} {unit} in {name}' for name, mean in means.items()])}"
     return replace(constant, what=what, law="a parameter that should be each recording's own (per_recording = true)")

@@ -95,7 +95,7 @@ def followed(
     rates: Mapping[str, pd.DataFrame],
 ) -> Companion | None:
     """What the residual of a place goes with most, in the recording where that is plainest."""
-    found = []
+    found, residuals = [], dict[str, Array]()
     for name, table in estimates.items():
         w, std = (table[column].to_numpy(float) for column in (f"residual.{place}", f"residual.{place}.std"))
         if np.isfinite(std).any() and np.nanmean(w**2) < QUIET**2 * np.nanmean(std**2):
@@ -104,7 +104,6 @@ def followed(
         chosen, _ = own_states(place, unit, states, units)
         friend = companion(w, chosen, table, units, rows, inputs.get(name), unit, rates.get(name))
         found += [friend] if friend is not None else []
+        residuals[name] = w[rows]
     best = max(found, key=lambda c: abs(c.correlation), default=None)
-    if best is None or best.law != CONSTANT or len(estimates) == 1:
-        return best
-    return differing(best, {name: float(np.nanmean(table[f"residual.{place}"])) for name, table in estimates.items()}, unit)
+    return best if best is None or best.law != CONSTANT else differing(best, residuals, unit)

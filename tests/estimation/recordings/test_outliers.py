@@ -29,6 +29,17 @@ def test_single_outliers_are_found_while_the_signal_moves_as_fast(n):
     assert np.mean(found[~off]) < 0.05  # neighbours of an outlier may be doubted
 
 
+@pytest.mark.parametrize("places", [[50, 51], [0, 1], [0, 3], [50, 51, 52, 53], [97, 98]])
+def test_outliers_side_by_side_do_not_excuse_each_other(places):
+    time, missed = 0.01 * np.arange(200), 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        y = np.sin(3 * time) + 1e-3 * rng.normal(size=200)
+        y[places] += 0.1 * np.sign(rng.normal(size=len(places)))
+        missed += np.count_nonzero(~outlying(time, y)[places])
+    assert missed <= 0.05 * 20 * len(places)
+
+
 @pytest.mark.parametrize("places", [[4], [2, 5], [50, 52, 55], [95, 97]])
 def test_good_samples_at_an_end_or_between_outliers_are_no_outliers(places):
     time, y, rng = smooth_motion(100, 7)

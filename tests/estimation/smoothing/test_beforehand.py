@@ -47,7 +47,7 @@ def test_a_prior_that_wins_against_the_data_is_named_with_where_they_lead(std):
     result, _ = problem(y, parameters=ALL_FREE | {"spring.k": Free(1.1 * K, std=std)})
     (note,) = said(result)
     found = re.fullmatch(
-        rf"spring\.k = 55 ± (\S+) N/m was known beforehand, and without that it would be near (\S+): {re.escape(MISLEADS)}", note
+        rf"spring\.k = 55 ± (\S+) N/m was known beforehand, and without that it would be near (\S+) ± (\S+): {re.escape(MISLEADS)}", note
     )
     assert found is not None
     assert float(found[2]) == pytest.approx(free.value, rel=0.05)  # by one step, and in two digits

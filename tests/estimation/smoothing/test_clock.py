@@ -25,11 +25,12 @@ def motion(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         "clock": x + v * OFF * rng.normal(size=N) + STD * rng.normal(size=N),
         "encoder": STEP * np.round(x / STEP),
         "outliers": x + STD * rng.standard_t(2, size=N),
+        "gain": x * (1 + 5e-3 * rng.normal(size=N)),
     }
     return t, x, made[kind]
 
 
-@pytest.mark.parametrize("kind", ["noise", "clock", "encoder", "outliers"])
+@pytest.mark.parametrize("kind", ["noise", "clock", "encoder", "outliers", "gain"])
 def test_only_errors_that_grow_with_the_rate_are_a_clocks(kind):
     t, x, y = motion(kind)
     problem = Problem(model=oscillator(), recordings=[Recording(name="run", time=t, inputs={"F": 0 * t}, outputs={"x": y})])
@@ -41,3 +42,13 @@ def test_only_errors_that_grow_with_the_rate_are_a_clocks(kind):
     found = re.search(r"off by about (\S+) s", note)
     assert found is not None
     assert float(found[1]) == pytest.approx(OFF, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_an_encoder_that_rests_is_no_clock(share):
+    t, x, _ = motion("noise")
+    rests = t < share * t[-1]
+    x = np.where(rests, x[np.argmin(rests)], x)
+    problem = Problem(model=oscillator(), recordings=[Recording(name="run", time=t, inputs={"F": 0 * t}, outputs={"x": x})])
+    table = pd.DataFrame({"t_s": t, "x": x, "x.measured": STEP * np.round(x / STEP)})
+    assert clock_notes(problem, {"run": table}) == []

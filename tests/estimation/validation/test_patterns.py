@@ -80,9 +80,14 @@ def test_an_input_whose_gain_is_off_is_named(motion: pd.DataFrame) -> None:
 
 
 def test_constants_that_differ_between_recordings_are_each_ones_own():
-    plain = Companion(what="a constant, 7 N", law=CONSTANT, correlation=0.7, std=0.02)
-    assert differing(plain, {"a": 7.0, "b": 6.5}, "N") == plain
-    found = differing(plain, {"a": 7.0, "b": -6.5}, "N")
+    plain, rng = Companion(what="a constant, 7 N", law=CONSTANT, correlation=0.7, std=0.02), np.random.default_rng(6)
+    white = rng.standard_normal(400)
+    white -= white.mean()
+    assert differing(plain, {"a": 7.0 + white, "b": 6.5 + white}, "N") == plain
+    assert differing(plain, {"a": 7.0 + white}, "N") == plain
+    # a mean that is hardly known says nothing of another constant
+    assert differing(plain, {"a": 7.0 + white, "b": 1.0 + 60.0 * white}, "N") == plain
+    found = differing(plain, {"a": 7.0 + white, "b": -6.5 + white, "empty": np.full(3, np.nan)}, "N")
     assert found.what == "a constant of every recording, 7 N in a and -6.5 N in b"
     assert "per_recording" in found.law
     assert found.correlation == plain.correlation
