@@ -136,7 +136,7 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
     the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. A model that
     does not come to rest either way is taken as it was left then: what it lacks may be what keeps it from that. Weights from the data go on
-    from where a solve with held ones was left: what no output shows was sought once, and friction that is rough there stays so.
+    from where a solve with held ones was left: what no output shows was sought once.
     """
     weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
     ways = [(weighed, QUICKLY), (held, HELD)]
@@ -145,7 +145,6 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     status, near = "it took too long", None
     for way, fits in ways:
         begin = None if near is None else near.solution
-        way = way if near is None else replace(way, options=PATIENT)
         say("the model as it is" + ("" if way.weigh else ", with weights from the forces' sizes"))
         name = kept.name(f"the model as it is, {'weighed' if way.weigh else 'held'}")
         result = kept.smoothed(name, partial(smoothing, problem, settings=way, begin=begin, progress=say))
