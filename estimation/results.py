@@ -258,8 +258,8 @@ class Smoothing:
     @property
     def overstated(self) -> float:
         """The largest factor, over recordings and outputs, by which stated deviations may be too small (`OutputFit.overstated`)."""
-        fits = [f for outputs in self.fit.values() for f in outputs.values()]
-        return max((f.overstated for f in fits if f.whiteness_p is not None and f.whiteness_p <= self.doubted), default=1.0)
+        fits, level = [f for outputs in self.fit.values() for f in outputs.values()], self.doubted
+        return max((f.overstated for f in fits if f.whiteness_p is not None and f.whiteness_p <= level), default=1.0)
 
     def value(self, parameter: str) -> float:
         """A parameter's value [its unit]; of one that every recording has of its own the mean over them."""

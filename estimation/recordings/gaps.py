@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .drive import drive_of
+
 if TYPE_CHECKING:
     from .recording import Recording
 
@@ -51,10 +53,7 @@ def runs(recording: Recording) -> list[slice]:
 
 def lost_note(recording: Recording) -> str | None:
     """What rows that are not there mean for this recording; None where the clock is uneven throughout, or no row is missing."""
-    time = recording.time
-    if recording.drive is not None:  # the clock of the inputs, which may go on beyond the rows
-        clock = recording.drive.time
-        time = clock[(clock >= time[0]) & (clock <= time[-1])]
+    time = drive_of(recording).time
     if not recording.inputs or len(time) < 2:
         return None
     steps = np.diff(time) / float(np.median(np.diff(time)))
@@ -88,7 +87,7 @@ def gap_note(recording: Recording) -> str | None:
     return f"{found}: it was taken as {len(used)} pieces, each with a start of its own.{alone}"
 
 
-def clock_note(recordings: Sequence[Recording]) -> str | None:
+def seconds_note(recordings: Sequence[Recording]) -> str | None:
     """Whether rows are so far apart that a machine's time may not be in seconds; told of the slowest."""
     slowest = max(recordings, key=usual_interval)
     step, length = usual_interval(slowest), float(slowest.time[-1] - slowest.time[0])

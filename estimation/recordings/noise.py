@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -65,10 +66,15 @@ def noise_std(time: Array, y: Array, supposed: float | None = None) -> float:
     return noise(time, y, supposed).std
 
 
+def robust_std(values: NDArray[np.float64]) -> float:
+    """Standard deviation of normal values (n,) by the median of their sizes, which single outliers leave alone."""
+    return float(np.median(np.abs(values))) / 0.6745
+
+
 def _of_order(order: int, t: Array, y: Array) -> tuple[float, bool]:
     """The deviation that differences of this order show, and whether they alternate like those of white noise."""
     d = _differences(order, t, y)
-    rms, robust = float(np.sqrt(np.mean(d**2))), float(np.median(np.abs(d))) / 0.6745
+    rms, robust = float(np.sqrt(np.mean(d**2))), robust_std(d)
     still = np.abs(d) <= DUST * float(np.max(np.abs(y)))
     changes = float(np.mean((d[1:] * d[:-1] < 0.0) & ~(still[1:] | still[:-1])))
     white = np.arccos(-order / (order + 1.0)) / np.pi

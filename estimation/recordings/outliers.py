@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .noise import noise_std
+from .noise import noise_std, robust_std
 from .recording import Recording
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
@@ -40,7 +40,7 @@ def outlying(time: Array, y: Array) -> Mask:
         there = np.flatnonzero(np.isfinite(y) & ~bad)
         distance = _distance(time, y, there, there)
         told = distance[np.isfinite(distance)]
-        limit = GROSS * max(float(np.median(told)) / 0.6745, noise) if len(told) else np.inf
+        limit = GROSS * max(robust_std(told), noise) if len(told) else np.inf
         found = there[distance > limit]
         if not 0 < len(found) < MOST * len(there):
             break

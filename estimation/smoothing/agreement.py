@@ -8,6 +8,7 @@ rows the data tell.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,33 +57,37 @@ def nothing_there(problem: Problem, run: Run) -> set[str]:
 
 def too_sharp(problem: Problem, run: Run, noise: Array) -> dict[tuple[str, str], str]:
     """Recording and output -> a sentence, where the V that was given is less than what its samples show of noise, (H, ny)."""
-    found = {}
-    for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, noise.T, strict=True)):
-        for h, (piece, table) in enumerate(zip(problem.fitted, run.stds, strict=True)):
-            if q.name not in table or q.name in run.open_outputs[h] or shown[h] <= SHARPER * (std := run.noise(h, q.name, i)):
-                continue
-            of = f" of {piece.name}" if len({p.name for p in problem.fitted}) > 1 else ""
-            found[piece.name, q.name] = (
-                f"V of {q.name}{of} is given as {std:.3g} {q.unit}, and its samples have noise of {shown[h]:.2g} {q.unit}, by how they "
-                f"alternate or by their steps. What is more than V allows then passes for forces, or for what the model lacks. {MISLEAD} "
-                "Give it about that, or leave it out."
-            )
-    return found
+    return {
+        where: (
+            f"{which} is given as {std:.3g} {unit}, and its samples have noise of {shown:.2g} {unit}, by how they alternate or by their "
+            f"steps. What is more than V allows then passes for forces, or for what the model lacks. {MISLEAD} Give it about that, or "
+            "leave it out."
+        )
+        for where, which, unit, std, shown, given in _below_samples(problem, run, noise)
+        if given
+    }
 
 
 def far_below(problem: Problem, run: Run, noise: Array) -> dict[tuple[str, str], str]:
     """Recording and output -> a sentence, where V came out far below what its samples show: they may be the answer to an input."""
-    found = {}
+    return {
+        where: (
+            f"{which} came out as {std:.3g} {unit}, {shown / std:.2g} times less than how its samples alternate or step. That may be what "
+            "an input that steps at every sample does; if none does, the model contradicts this sensor, or another one: give V."
+        )
+        for where, which, unit, std, shown, given in _below_samples(problem, run, noise)
+        if not given
+    }
+
+
+def _below_samples(problem: Problem, run: Run, noise: Array) -> Iterable[tuple[tuple[str, str], str, str, float, float, bool]]:
+    """Where V is less than what samples show, (H, ny): recording and output, V in words, its unit, both sizes, and whether V was given."""
+    several = len({piece.name for piece in problem.fitted}) > 1
     for i, (q, shown) in enumerate(zip(run.choice.solution.transcription.dae.outputs, noise.T, strict=True)):
-        for h, piece in enumerate(problem.fitted):
-            if q.name in run.open_outputs[h] and shown[h] > SHARPER * (std := run.noise(h, q.name, i)):
-                of = f" of {piece.name}" if len({p.name for p in problem.fitted}) > 1 else ""
-                found[piece.name, q.name] = (
-                    f"V of {q.name}{of} came out as {std:.3g} {q.unit}, {shown[h] / std:.2g} times less than how its samples alternate or "
-                    "step. That may be what an input that steps at every sample does; if none does, the model contradicts this sensor, or "
-                    "another one: give V."
-                )
-    return found
+        for h, (piece, table) in enumerate(zip(problem.fitted, run.stds, strict=True)):
+            if q.name in table and shown[h] > SHARPER * (std := run.noise(h, q.name, i)):
+                which = f"V of {q.name}{f' of {piece.name}' if several else ''}"
+                yield (piece.name, q.name), which, q.unit, std, float(shown[h]), q.name not in run.open_outputs[h]
 
 
 def contradictions(problem: Problem, run: Run, shown: Array) -> list[str]:
@@ -96,13 +101,9 @@ def contradictions(problem: Problem, run: Run, shown: Array) -> list[str]:
         return found
     for i, k in enumerate(t.soft):
         place = t.dae.places[k]
-        squares, f = force_squares(solution, i)
-        times = _excess(squares, f)
         ours = place not in problem.dae.places or place.name in problem.weights.W
-        if times and ours:
+        if ours and (times := _excess(*force_squares(solution, i))):
             found.append(f"{_exceeded(place.name, times)}: that contradicts the data, or the model lacks something there. {MISLEAD}")
-        if ours and place in problem.dae.places and (times := _wanting(squares, f)):
-            found.append(f"W of {place.name} allows at least {times:.2g} times what there is: deviations are too large.")
     for i, q in enumerate(t.dae.outputs):
         with_it = [h for h, table in enumerate(run.stds) if q.name in table]
         given = [h for h in with_it if q.name not in run.open_outputs[h]]
@@ -120,6 +121,18 @@ def contradictions(problem: Problem, run: Run, shown: Array) -> list[str]:
                 f"V of {q.name} is {noise:.2g} times the noise that differences of its samples show: most of what the fit leaves over is "
                 f"something else, {'and ' if held else ''}{what}. {MISLEAD}"
             )
+    return found
+
+
+def loose_weights(problem: Problem, run: Run) -> list[str]:
+    """A sentence for every W that was given and allows far more than there is."""
+    solution = run.choice.solution
+    t, found = solution.transcription, list[str]()
+    for i, k in enumerate(t.soft if solution.curvature is not None else ()):
+        place = t.dae.places[k]
+        given = place in problem.dae.places and place.name in problem.weights.W
+        if given and (times := _wanting(*force_squares(solution, i))):
+            found.append(f"W of {place.name} allows at least {times:.2g} times what there is: deviations are too large.")
     return found
 
 

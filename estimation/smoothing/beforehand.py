@@ -77,10 +77,11 @@ def _priors(problem: Problem, solution: Solution, known: Curvature) -> Iterable[
             continue
         value, variance = float(solution.parameters[index]), float(known.parameter_variance[number])
         said = f"{info.name} = {given.guess:.6g} ± {given.std:.2g} {info.unit} was known beforehand, and"
-        if given.std**2 - variance > TOLD * given.std**2:
-            off = _deviations(value - given.guess, given.std, variance)
+        room = given.std**2 - variance
+        if room > TOLD * given.std**2:
+            off = abs(value - given.guess) / float(np.sqrt(room))
             if off > CONTRARY:
-                alone = value + (value - given.guess) * variance / (given.std**2 - variance)
+                alone = value + (value - given.guess) * variance / room
                 yield (
                     f"{said} the estimate {value:.6g} is {off:.2g} times as far from it as data that agree would lead; without it that "
                     f"would be near {alone:.4g}"

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from ..problem import Problem
+from ..recordings.noise import robust_std
 
 GROWS = 1.3  # times from the slowest third of the samples to the middle one, and from there to the fastest
-NORMAL = 0.6745  # median of the absolute values of a standard normal, which single outliers leave alone
 MOVES = 0.1  # of the rms rate: slower samples count as at rest
 ALIKE = 1.5  # times that the two faster thirds may differ in how far a clock would have to be off
 FEW = 300  # samples: fewer say little of thirds
@@ -37,8 +37,8 @@ def clock_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list
                 continue
             size, speed, far = np.abs(error[moving]), rate[moving], np.abs(smoothed - np.mean(smoothed[there]))[moving]
             thirds = np.array_split(np.argsort(speed, kind="stable"), 3)
-            slow, middle, fast = (float(np.median(size[part])) / NORMAL for part in thirds)
-            off = [float(np.median(size[part]) / NORMAL / np.median(speed[part])) for part in thirds[1:]]
+            slow, middle, fast = (robust_std(size[part]) for part in thirds)
+            off = middle / float(np.median(speed[thirds[1]])), fast / float(np.median(speed[thirds[2]]))
             alike = max(off) < ALIKE * min(off) and np.corrcoef(size, speed)[0, 1] > np.corrcoef(size, far)[0, 1]
             if middle > GROWS * slow and fast > GROWS * middle and alike:
                 which = f"{q.name} of {name}" if len(estimates) > 1 else q.name

@@ -14,11 +14,11 @@ from backsight.models.errors import InputError
 from backsight.ocp import Solution
 
 from ..problem import Free, Problem
-from ..recordings.gaps import clock_note, gap_note, lost_note, rates_note
+from ..recordings.gaps import gap_note, lost_note, rates_note, seconds_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary, doubted
 from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth
-from .agreement import MISLEAD, contradictions, far_below, nothing_there, too_sharp
+from .agreement import MISLEAD, contradictions, far_below, loose_weights, nothing_there, too_sharp
 from .beforehand import contradicted
 from .clock import clock_notes
 from .dead import on_dead_inputs, on_dead_outputs
@@ -65,13 +65,13 @@ def notes(
         {which: note for which, note in said.items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
         for said in (too_sharp(problem, run, shown), far_below(problem, run, shown))
     )
-    doubts, level = contradictions(problem, run, shown), doubted(fit, residuals)
+    doubts, loose, level = contradictions(problem, run, shown), loose_weights(problem, run), doubted(fit, residuals)
     return (
         *misled.values(),
         *on_explaining(problem.posed, run.choice.solution, residuals),
         *_on_nothing_settled(run),
         *pulled_notes(problem.posed, run.choice.solution, bounds),
-        *(doubt for doubt in doubts if MISLEAD in doubt),
+        *doubts,
         *low.values(),
         *contradicted(problem, run.choice.solution),
         *clock_notes(problem, estimates),
@@ -91,9 +91,9 @@ def notes(
         *_on_what_is_left_out(problem),
         *_on_outputs(problem, run),
         *outlier_notes(problem, run.choice.solution, errors),
-        *(doubt for doubt in doubts if MISLEAD not in doubt),
+        *loose,
         *on_errors(fit, misled, level),
-        *on_residuals(residuals, set(residuals) if misled or doubts else silent, level),
+        *on_residuals(residuals, set(residuals) if misled or doubts or loose else silent, level),
     )
 
 
@@ -162,7 +162,7 @@ def _on_few(problem: Problem) -> list[str]:
 
 def _on_rates(problem: Problem) -> list[str]:
     fitted = [r for r in problem.recordings if r.role == "fit"]
-    note = rates_note(fitted) or clock_note(fitted)
+    note = rates_note(fitted) or seconds_note(fitted)
     return [] if note is None else [note]
 
 

@@ -32,6 +32,7 @@ from backsight.ocp import Solution, Status
 from backsight.ocp.nlp import Values
 
 from ..problem import Problem
+from ..recordings.noise import robust_std
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
@@ -81,7 +82,7 @@ def heavy_tailed(e: Array) -> bool:
     """
     if not e.size:
         return False
-    far = np.abs(e) / max(1.0, float(np.median(np.abs(e))) / 0.6745)
+    far = np.abs(e) / max(1.0, robust_std(e))
     many = stats.binom.sf(np.count_nonzero(far > FAR) - 1, e.size, 2.0 * stats.norm.sf(FAR))
     farthest = 2.0 * e.size * stats.norm.sf(float(far.max()))
     return bool(min(many, farthest) < CHANCE)

@@ -10,6 +10,7 @@ import pandas as pd
 from backsight.ocp import Solution
 
 from ..problem import Problem
+from ..recordings.noise import robust_std
 from ..results import DETERMINED
 from ..supposed import noisy_inputs
 from .agreement import MISLEAD
@@ -19,7 +20,6 @@ from .undetermined import PULLED
 KINDS = {"ou": "Ornstein-Uhlenbeck", "matern": "Matern 3/2"}
 MOSTLY = 0.5, 2.0  # of the variance of an input's steps from row to row: between these its noise is what they are
 FELT = 0.1  # of that noise's variance, that the machine's motion tells of: less does not move the parameters
-NORMAL = 0.6745  # median of the absolute values of a standard normal
 
 
 def noise_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list[str]:
@@ -32,7 +32,7 @@ def noise_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list
     found = []
     for name, std in noisy_inputs(problem).items():
         steps = np.concatenate([np.diff(r.inputs[name]) for r in problem.fitted])
-        size = float(np.median(np.abs(steps[steps != 0]))) / NORMAL if np.any(steps) else np.inf
+        size = robust_std(steps[steps != 0]) if np.any(steps) else np.inf
         left = np.concatenate([table[f"{name}.std"].dropna().to_numpy() for table in estimates.values()])
         if MOSTLY[0] < 2.0 * (std / size) ** 2 < MOSTLY[1] and np.mean(left**2) < (1.0 - FELT) * std**2:
             unit = next(q.unit for q in problem.dae.inputs if q.name == name)

@@ -13,7 +13,7 @@ from linear_runs import ALL_FREE, MODEL, PLANT, STD, STEP, many, problem
 
 from backsight.data import path
 from backsight.estimation import Free, Known, Problem, Recording, Settings, Weights, smooth
-from backsight.estimation.recordings.gaps import clock_note, rates_note
+from backsight.estimation.recordings.gaps import rates_note, seconds_note
 from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary, doubted
 from backsight.estimation.smoothing.marginal import UNMOVED
 from backsight.estimation.smoothing.notes import _on_nothing_settled, _on_rates, on_errors, on_residuals
@@ -176,13 +176,13 @@ def test_rows_a_thousand_times_as_far_apart_are_told_with_the_remedy_and_other_r
 def test_rows_that_are_seconds_apart_ask_whether_these_are_seconds():
     run = axis_run(0, 0.02)
     slow = replace(run, name="logged", time=1e3 * run.time)
-    assert clock_note([run]) is None
-    note = clock_note([run, slow])
+    assert seconds_note([run]) is None
+    note = seconds_note([run, slow])
     assert note is not None
     assert note.startswith("logged has its rows 10 s apart and is 5990 s long: is its time in seconds?")
     assert 'time = { column = "...", unit = "ms" }' in note
     assert _on_rates(Problem(model=MODEL, recordings=[run, slow], parameters=ALL_FREE)) == [rates_note([run, slow])]
-    assert _on_rates(Problem(model=MODEL, recordings=[slow], parameters=ALL_FREE)) == [clock_note([slow])]
+    assert _on_rates(Problem(model=MODEL, recordings=[slow], parameters=ALL_FREE)) == [seconds_note([slow])]
 
 
 def notes_of(recording: Recording, **damper: float) -> list[str]:
