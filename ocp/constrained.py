@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .blocktridiagonal import BlockTridiagonal, factor, times
 from .evaluated import Linearised
-from .gauss_newton import ROUNDED, STILL, SUFFICIENT, Descent
+from .gauss_newton import FINE, ROUNDED, STILL, SUFFICIENT, Descent
 from .nlp import Nlp, Values
 from .polynomials import Array
 
@@ -47,7 +47,7 @@ def supported(nlp: Nlp, lower: Array, upper: Array) -> bool:
 def descend_on_constraints(
     nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float, limit: int, seconds: float = np.inf
 ) -> Descent:
-    """From X = 0 to where the gradient of the Lagrangian is below the tolerance; lower, upper (n + np,).
+    """From X = 0 to where the gradient of the Lagrangian is below the tolerance, and a rough one's promise, too; lower, upper (n + np,).
 
     Where a valley bends, or no part of a step leads down, steps are damped (D. W. Marquardt, J. SIAM 11, 1963). What cannot go on (numbers
     that are not finite, a matrix without an inverse, damped steps that lead nowhere) ends where it is, unsolved.
@@ -75,7 +75,8 @@ def descend_on_constraints(
         v = g + evaluated.gradient(_with_rows([parts[k] for k in equal], multipliers))
         slope = float(np.max(np.abs(here.X - np.clip(here.X - v, lower, upper)), initial=0.0))
         on_them = float(np.max(np.abs(here.c), initial=0.0)) <= max(FEASIBLE, 1e-4 * tolerance)
-        solved, acceptable = slope <= tolerance and on_them, still and slope <= 1e3 * tolerance and on_them
+        near, acceptable = slope <= tolerance and on_them, still and slope <= 1e3 * tolerance and on_them
+        solved = near and (tolerance <= FINE or float(-g @ s) <= tolerance)
         if solved or acceptable or iteration == limit or time.monotonic() > end:
             break
         mu = max(mu, DEARER * float(np.max(np.abs(multipliers), initial=0.0)))

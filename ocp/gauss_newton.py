@@ -23,6 +23,7 @@ SUFFICIENT = 1e-4  # share of the slope's promise that a step must keep
 SHORTEST = 1e-10  # step length at which the cost is rounding
 ROUNDED = 1e-14  # of the cost: a promise that rounding hides
 STILL = 1e-8  # relative change of the cost that makes a gradient of 1e3 tolerances acceptable
+FINE = 1e-4  # tolerance from which on Ipopt has the last word; beyond it a step tells what there is to be gained
 RIDGE = 1e-12  # of the diagonal, where it is not definite; a thousand times as much each time
 RIDGES = 4
 
@@ -44,7 +45,10 @@ class Descent:
 
 
 def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float, limit: int) -> Descent:
-    """From X = 0, or what is nearest to it within the bounds (n + np,), to where the projected gradient is below the tolerance."""
+    """From X = 0, or what is nearest to it within the bounds (n + np,), to where the projected gradient is below the tolerance.
+
+    A rough one is one on what a step promises of the cost, too: many small gradients that point the same way are one large one.
+    """
     if nlp.constraint_count:
         raise ValueError(f"descend(nlp=...) is for programs without constraints; this one has {nlp.constraint_count}.")
     evaluated = nlp.evaluated
@@ -57,7 +61,8 @@ def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: flo
         parts = [evaluated.linearised(number, X, values) for number in range(len(nlp.terms))]
         g = evaluated.gradient(parts)
         slope = float(np.max(np.abs(X - np.clip(X - g, lower, upper)), initial=0.0))
-        solved, acceptable = slope <= tolerance, still and slope <= 1e3 * tolerance
+        near, acceptable = slope <= tolerance, still and slope <= 1e3 * tolerance
+        solved = near and tolerance <= FINE
         if solved or acceptable or iteration == limit:
             return Descent(X=X, cost=cost, iterations=iteration, solved=solved, acceptable=acceptable)
         held = ((lower >= X) & (g > 0)) | ((upper <= X) & (g < 0))
@@ -65,6 +70,8 @@ def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: flo
         if s is None:
             return Descent(X=X, cost=cost, iterations=iteration, solved=False, acceptable=False, finite=False)
         length, promise = 1.0, float(g @ s)
+        if near and -promise <= tolerance:
+            return Descent(X=X, cost=cost, iterations=iteration, solved=True, acceptable=False)
         if -promise <= ROUNDED * cost:
             return Descent(X=X, cost=cost, iterations=iteration, solved=False, acceptable=True)
         while True:

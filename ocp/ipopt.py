@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from .constrained import descend_on_constraints, supported
 from .feasible import start_on_constraints
-from .gauss_newton import descend
+from .gauss_newton import FINE, descend
 from .nlp import Nlp, Values
 from .oracle import Oracle
 from .polynomials import Array
@@ -48,7 +48,6 @@ _STATUS = {
 }
 
 
-FINE = 1e-4  # tolerance from which on Ipopt has the last word
 WORSE = 1e-6  # of the cost: what Ipopt's answer may cost more than that of plain steps
 SHORTEST_SECANT = 0.2  # of the step to the answer
 ON_BOUND = 1e-3  # units from a bound: what ends there ended on it

@@ -12,7 +12,7 @@ import numpy as np
 from backsight.models.errors import InputError, suggestion
 from backsight.ocp import Horizon, Options, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
 from backsight.ocp.follow import Followed
-from backsight.ocp.ipopt import FINE
+from backsight.ocp.gauss_newton import FINE
 from backsight.ocp.nlp import Values
 from backsight.ocp.readout import read
 from backsight.ocp.scaling import scaled

@@ -11,7 +11,7 @@ import numpy as np
 
 from backsight.ocp import Horizon, Options, Solution, Status
 from backsight.ocp.follow import Followed
-from backsight.ocp.ipopt import FINE
+from backsight.ocp.gauss_newton import FINE
 
 from ..problem import Problem
 from ..validation.innovations import innovations, log_likelihood

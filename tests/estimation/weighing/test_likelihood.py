@@ -147,6 +147,17 @@ def test_a_force_that_is_said_to_be_far_too_small_is_found():
     assert without(knobs, best, 0) < 1e-6
 
 
+def test_a_rough_solve_goes_on_where_many_small_gradients_point_the_same_way():
+    """With a force ever smaller every interval pulls by less than the tolerance of a gradient, all of them together by a hundred nats."""
+    problem, _ = posed(simulated(4, force_std=0.0))
+    knobs, start = turned(problem, smooth(problem, settings=Settings(step=DT / 16, marginal=False))), None
+    for smaller in np.arange(-1.0, -10.0, -1.0):
+        theta = np.array([smaller, 0.0])
+        rough = knobs.solved(theta, start)
+        assert rough.solved.cost - knobs.solve(theta, newton=True).solved.cost < 0.01
+        start = rough.solved.decisions
+
+
 def test_where_the_solve_without_a_force_ends_on_no_minimum_nobody_knows_whether_it_may_be_none(monkeypatch):
     _, knobs = posed(simulated(4))
     here = at(knobs, np.zeros(2))
