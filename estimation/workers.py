@@ -77,10 +77,17 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Executor]:
     else:
         with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
             try:
+                for _ in range(jobs):  # a process takes its seconds to be there
+                    pool.submit(_there)
                 yield pool
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
+
+
+def _there() -> None:
+    """What a process has done when it is ready for work."""
+    importlib.import_module("backsight.estimation.smoothing.smoother")
 
 
 @contextmanager

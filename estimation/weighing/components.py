@@ -139,7 +139,7 @@ def maximise(
     return Found(theta=theta, moving=moving, likelihood=here, settled=settled)
 
 
-def without(turned: Turned, best: Found, f: int, say: Callable[[str], None] | None = None) -> float:
+def without(turned: Turned, best: Found, f: int) -> float:
     """p that weight f is zero, NaN where a search did not arrive: without its greatest value under the null a ratio says too much.
 
     Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, that p is the most it can be, and the
@@ -161,10 +161,7 @@ def without(turned: Turned, best: Found, f: int, say: Callable[[str], None] | No
     if not (best.arrived and null.arrived):
         return float("nan")
     ratio = _ratio(best, null.likelihood)
-    p = 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
-    if say is not None:
-        say(f"without {turned.weights[f].label}: likelihood ratio {ratio:.1f}")
-    return p
+    return 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
 
 
 def _ratio(best: Found, here: Likelihood) -> float:

@@ -6,7 +6,9 @@ problem with W and V left out -> smoothed -> likelihood of the weights on that m
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from ..smoothing.horizons import check_varies
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..supposed import noisy_inputs
+from ..workers import Here, as_finished
 from .components import Component, Found, maximise, without
 from .turned import Turned, turned
 
@@ -32,14 +35,12 @@ class Estimated:
     """posed: the problem with its weights left open; knobs: its weights on the mesh of its smoothing.
 
     given (F,): theta of weights that were given, else NaN; best: the greatest likelihood over those that could be sought.
-    components: weight -> what the data tell.
     """
 
     posed: Problem
     knobs: Turned
     given: Array
     best: Found
-    components: dict[str, Component]
 
 
 def variance_components(problem: Problem, *, progress: Progress | None = None) -> dict[str, Component]:
@@ -48,11 +49,12 @@ def variance_components(problem: Problem, *, progress: Progress | None = None) -
     Where the search for the greatest likelihood does not arrive there are no intervals and no p: they are NaN.
     Raises InputError for a problem that cannot be posed.
     """
-    return estimated(problem, progress or (lambda _: None)).components
+    say = progress or (lambda _: None)
+    return components(estimated(problem, say), Here(), 1, say)
 
 
 def estimated(problem: Problem, say: Progress) -> Estimated:
-    """The weights of the fitted recordings."""
+    """The weights of greatest likelihood of the fitted recordings."""
     check_varies(problem)
     posed = opened(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"]))
     first = smoothing(posed, settings=Settings(marginal=False), progress=say)
@@ -63,7 +65,24 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     say("weights from the likelihood")
     given = _given(problem, knobs)
     best = _likeliest(knobs, given, say)
-    return Estimated(posed=posed, knobs=knobs, given=given, best=best, components=_components(knobs, best, say))
+    return Estimated(posed=posed, knobs=knobs, given=given, best=best)
+
+
+def components(told: Estimated, pool: Executor, ahead: int, say: Progress) -> dict[str, Component]:
+    """What the data tell of every weight; whether one may be none is asked of each by itself, so many at once."""
+    knobs, best = told.knobs, told.best
+    spread = best.std if best.arrived else np.full(len(knobs.weights), np.nan)
+    p: dict[int, float | None] = {f: None if w.is_noise else float("nan") for f, w in enumerate(knobs.weights) if w.is_component}
+    asked = [f for f, unknown in p.items() if unknown is not None and best.arrived]
+    for f, found in as_finished(pool, ((f, partial(without, knobs, best, f)) for f in asked), ahead):
+        say(f"without {knobs.weights[f].label}: p = {found:.2g}")
+        p[f] = found
+    stds = knobs.stds(best.theta)
+    return {
+        w.label: Component(std=stds[w.label], log_std=float(spread[f]), p_zero=p[f], unit=w.unit)
+        for f, w in enumerate(knobs.weights)
+        if w.is_component
+    }
 
 
 def opened(problem: Problem) -> Problem:
@@ -88,20 +107,6 @@ def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
             return best
         theta = np.where(untold, np.where(np.isfinite(given), given, 0.0), best.theta)
         moving = moving & ~untold
-
-
-def _components(knobs: Turned, best: Found, say: Progress) -> dict[str, Component]:
-    """What the data tell of every weight."""
-    components, spread = {}, best.std
-    for f, weight in enumerate(knobs.weights):
-        if not weight.is_component:
-            continue
-        p = None
-        if not weight.is_noise:
-            p = without(knobs, best, f, say) if best.arrived else float("nan")
-        told = float(spread[f]) if best.arrived else float("nan")
-        components[weight.label] = Component(std=weight.std * float(np.exp(best.theta[f])), log_std=told, p_zero=p, unit=weight.unit)
-    return components
 
 
 def _given(problem: Problem, knobs: Turned) -> Array:

@@ -26,7 +26,7 @@ from ..smoothing.smoother import smooth
 from ..wording import listed
 from ..workers import as_finished, at_hand, workers
 from .components import Component, Found
-from .estimated import estimated, opened
+from .estimated import Estimated, components, estimated, opened
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import ALONE, settings
@@ -89,20 +89,21 @@ def weigh(
     interrupted study goes on. Raises InputError where the problem cannot be smoothed at all.
     """
     say = progress or (lambda _: None)
+    ahead = at_hand(jobs, scheduler)
     with workers(jobs, scheduler) as pool:
         recordings, split = with_held_out(problem.recordings)
         told = estimated(replace(problem, recordings=recordings), say)
         posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
+        say("smoothing what was held out")
+        apart = pool.submit(_held_out, told, recordings, say if ahead == 1 else None)
+        found_of = components(told, pool, ahead, say)
         force = sizes(posed, best.solution)
         untold = knobs.noise & ~best.moving  # the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
-        unseen = _held_out(posed, recordings, knobs, best, theta, say)
-        stand, chains = (
-            Stand(fitted=knobs, held_out=unseen, start=best.solution.solved.decisions),
-            settings(knobs.weights, candidates, theta),
-        )
+        stand = Stand(fitted=knobs, held_out=apart.result(), start=best.solution.solved.decisions)
+        chains = settings(knobs.weights, candidates, theta)
         whole = opened(replace(problem, recordings=recordings))
 
         def with_weights(setting: Setting) -> Problem:
@@ -110,8 +111,8 @@ def weigh(
 
         # most often those are recommended: with several workers this goes beside the settings
         likeliest = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
-        begun = None if at_hand(jobs, scheduler) == 1 else pool.submit(smooth, with_weights(likeliest))
-        outcomes = _solved(stand, chains, pool, at_hand(jobs, scheduler), keep, say)
+        begun = None if ahead == 1 else pool.submit(smooth, with_weights(likeliest))
+        outcomes = _solved(stand, chains, pool, ahead, keep, say)
         chosen, why = _recommended(outcomes)
         say("smoothing with the recommended weights")
         ready = begun if chosen.setting == likeliest else None
@@ -120,7 +121,7 @@ def weigh(
         recommended=result,
         chosen=chosen.setting.name,
         why=why,
-        components=told.components,
+        components=found_of,
         correlation=_correlation(knobs, best),
         moves=_moves(outcomes),
         slopes=_slopes(knobs, best),
@@ -140,15 +141,15 @@ def _weights(weights: Weights, knobs: Turned, theta: Array) -> Weights:
     return replace(weights, W={**weights.W, **W}, V={**weights.V, **V})
 
 
-def _held_out(posed: Problem, recordings: Sequence[Recording], knobs: Turned, best: Found, theta: Array, say: Progress) -> Turned | None:
+def _held_out(told: Estimated, recordings: Sequence[Recording], say: Progress | None) -> Turned | None:
     """What was held out, smoothed with the parameters of the best weights."""
     own = [replace(r, role="fit", output_std=dict.fromkeys(r.outputs)) for r in recordings if r.role == "held_out"]
     if not own:
         return None
-    say("smoothing what was held out")
-    found = values_of(best.solution)
+    posed, found = told.posed, values_of(told.best.solution)
     values = {p.name: found.get(p.name, p.value) for p in posed.dae.parameters}
-    fixed = replace(posed, recordings=own, parameters={**values, **posed.varying}, weights=_weights(posed.weights, knobs, theta))
+    weights = _weights(posed.weights, told.knobs, told.best.theta)
+    fixed = replace(posed, recordings=own, parameters={**values, **posed.varying}, weights=weights)
     result = smooth(fixed, progress=say)
     return turned(fixed, result) if result.solver.converged else None
 
