@@ -7,12 +7,15 @@ import multiprocessing
 import socket
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from backsight.models.errors import InputError
+
+from .threads import one_each
 
 CONNECT_SECONDS = 5.0
 K = TypeVar("K")
@@ -66,7 +69,7 @@ def check_workers(jobs: int, scheduler: str | None) -> None:
 def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Executor]:
     """An executor of `jobs` processes, or of the Dask cluster at address `scheduler`.
 
-    Raises InputError when `jobs` is not positive or the cluster cannot be reached.
+    Raises InputError when `jobs` is not positive, the cluster cannot be reached, or a process is lost.
     """
     check_workers(jobs, scheduler)
     if scheduler is not None:
@@ -77,9 +80,14 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Executor]:
     else:
         with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
             try:
-                for _ in range(jobs):  # a process takes its seconds to be there
-                    pool.submit(_there)
+                with one_each():
+                    for _ in range(jobs):  # a process takes its seconds to be there
+                        pool.submit(_there)
                 yield pool
+            except BrokenProcessPool:
+                pool.shutdown(wait=False, cancel_futures=True)
+                remedy = 'ask for fewer where memory is short, and in a script of your own under `if __name__ == "__main__":`'
+                raise InputError(f"--jobs {jobs}: a process has ended before its work was done; {remedy}") from None
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise

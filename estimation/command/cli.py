@@ -16,14 +16,12 @@ from typing import Annotated
 
 import typer
 
+from ..threads import use_one
 from .interrupt import remembered, said
 
 MOST_ITERATIONS = 10  # Gauss-Newton steps for a sample
 DONE, FAULT, BAD_INPUT, NO_CONVERGENCE, INTERRUPTED = 0, 1, 2, 3, 130
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]  # typer's own base of all mistakes on the command line
-
-# Matrices are as small as a plant: threads of the linear algebra library only wait for each other, the longer the busier the machine.
-BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 app = typer.Typer(
     name="backsight",
@@ -73,8 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     arguments: those of the process by itself, which then has nothing else to do: a Ctrl-C that comes after the last word is ignored.
     """
-    for name in BLAS_THREADS:
-        os.environ.setdefault(name, "1")
+    use_one()
     try:
         with warnings.catch_warnings(), remembered(last=arguments is None):
             if not sys.warnoptions:

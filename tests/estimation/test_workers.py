@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from functools import partial
 
@@ -16,6 +17,21 @@ def test_here_and_in_two_processes_the_answers_are_the_same():
         with workers(jobs) as pool:
             futures = [pool.submit(divmod, k, 7) for k in range(20)]
             assert [future.result() for future in futures] == [divmod(k, 7) for k in range(20)]
+
+
+def test_processes_have_one_thread_of_linear_algebra_unless_the_user_says_otherwise(monkeypatch):
+    """Two processes with two threads each on two cores were slower than one."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with workers(2) as pool:
+        futures = [pool.submit(os.getenv, name) for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")]
+        assert [f.result() for f in futures] == ["1", "3"]
+    assert "OPENBLAS_NUM_THREADS" not in os.environ
+
+
+def test_a_process_that_is_lost_is_named_with_what_to_do():
+    with pytest.raises(InputError, match=r"--jobs 2: a process has ended .*fewer.*__main__"), workers(2) as pool:
+        pool.submit(os._exit, 1).result()
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
