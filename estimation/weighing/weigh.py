@@ -32,7 +32,7 @@ from .magnitude import magnitudes, sizes
 from .plan import ALONE, settings
 from .setting import Outcome, Setting, Stand, solve, values_of
 from .store import Store
-from .turned import Turned, turned
+from .turned import Mask, Turned, turned
 from .words import words
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -160,6 +160,7 @@ def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: in
     store = Store(keep, stand.identity)
     found: dict[str, Outcome] = {s.name: kept for s in wanted if (kept := store.get(s)) is not None}
     left = [c for c in chains if any(s.name not in found for s in c)]  # whole: what a chain gives hangs on where it came from
+    left.sort(key=partial(_quick, stand.fitted.noise))
     say(f"setting {len(found)} of {len(wanted)}")
     for _, outcomes in as_finished(pool, enumerate(partial(solve, blob, c) for c in left), ahead):
         for outcome in outcomes:
@@ -167,6 +168,11 @@ def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: in
             found[outcome.setting.name] = outcome
             say(f"setting {len(found)} of {len(wanted)}")
     return [found[s.name] for s in wanted]
+
+
+def _quick(noise: Mask, chain: list[Setting]) -> tuple[bool, int, float]:
+    """The lower, the longer a chain may take, and the sooner it begins: samples that must be followed more closely take more steps."""
+    return chain[0].group != "candidate", -len(chain), min(float(np.min(np.array(s.theta)[noise], initial=np.inf)) for s in chain)
 
 
 def _recommended(outcomes: list[Outcome]) -> tuple[Outcome, str]:
