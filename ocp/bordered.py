@@ -137,6 +137,13 @@ class Bordered:
         found = np.bincount(np.maximum(kr, 0), weights=twice * values * inverse, minlength=self.at.count)
         return found.astype(np.float64)  # of no entries it would be of integers
 
+    @property
+    def log_abs_determinant(self) -> float:
+        """log |det K|, but for multipliers of what concerns fixed unknowns alone; -inf where K is singular."""
+        S = self.eliminated[1]
+        told = np.any(S, axis=1)
+        return self.tree.log_abs_determinant + float(np.linalg.slogdet(S[np.ix_(told, told)])[1] - 2.0 * np.sum(np.log(self.size)))
+
     @cached_property
     def _inverse(self) -> tuple[Array, Array, Array, Array]:
         """The inverse where the blocks, the border and its corner are."""

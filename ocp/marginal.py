@@ -172,6 +172,19 @@ class Marginal:
         return held[held < self.solution.transcription.nlp.trajectory_size]
 
 
+def log_density_of_forces(solution: Solution) -> float:
+    """1/2 log |det K_0| in the program's units, heavy terms in H: the largest density of trajectories that forces of their stds give.
+
+    Raises numpy.linalg.LinAlgError where K_0 is singular.
+    """
+    nlp, starts = solution.transcription.nlp, solution.transcription.starts
+    H, J, softness = solution.solver.kkt(solution.solved.decisions, solution.values, without=(solution.term("samples"),))
+    held = solution.held[solution.held < nlp.trajectory_size]
+    known = np.unique(np.concatenate([held, starts.ravel(), np.arange(nlp.trajectory_size, nlp.size)]))
+    heavy = softness[softness != 0]
+    return 0.5 * (bordered(nlp, H, J, softness, known).log_abs_determinant - float(np.sum(np.log(heavy))))
+
+
 def _triplets(matrix: sp.csc_matrix) -> tuple[Index, Index, Array]:
     there = sp.coo_matrix(matrix)
     return there.row.astype(np.int64), there.col.astype(np.int64), there.data

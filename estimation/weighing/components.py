@@ -8,8 +8,6 @@ Whether a residual force is there at all is a question at the edge of what a var
 
 because under the null half of all estimates are zero (Self & Liang, J. Amer. Statist. Assoc. 82, 1987; Stram & Lee, Biometrics 50, 1994).
 A force counts as gone when its rows are left less than GONE degrees of freedom, so that the data could not tell a smaller one from it.
-The slope supposes that curvatures stay as they are. Where a friction law is steep they do not, and l, in which they count, may fall while
-squares come nearer to their degrees of freedom: there the root of the slope is sought, and a step counts that comes nearer to either.
 """
 
 from __future__ import annotations
@@ -125,17 +123,16 @@ def maximise(
         if promise < gain:
             settled = True
             break
-        length, found = 1.0, None
+        length = 1.0
         while length > 0.1:
             there = _at(turned, theta + length * step, here.solution.solved.decisions)
-            if np.isfinite(there.value):
-                found = _step(turned, there, moving)
-                if there.value > here.value - gain or found[1] < promise:
-                    break
+            if np.isfinite(there.value) and there.value > here.value - gain:
+                break
             length /= 3.0
         else:
             break
-        theta, here, (step, promise) = theta + length * step, there, found
+        theta, here = theta + length * step, there
+        step, promise = _step(turned, here, moving)
     return Found(theta=theta, moving=moving, likelihood=here, settled=settled)
 
 

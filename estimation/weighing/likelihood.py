@@ -2,14 +2,16 @@
 
 With theta the logarithms of standard deviations, r(X; theta) all scaled rows of the cost and H = J'J at the estimate X^, by Laplace,
 
-    l(theta)  =  -1/2 r'r  +  sum over rows of log scale  +  sum over moments of log |det M|  -  1/2 log det H  +  const
+    l(theta)  =  -1/2 r'r  +  sum over samples and priors of log scale  +  1/2 log det H_0  -  1/2 log det H  +  const
 
     dl/dtheta_f  =  r_f'r_f  -  sum (1 - lambda),          lambda the leverage of the rows f, tr(H^-1 J_f'J_f) in all
     AI_fg        =  2 (delta_fg r_f'r_f  -  (J_f'r_f)' H^-1 (J_g'r_g))
 
+H_0 is what the balances alone add to H, with parameters and first states known, and makes a density of forces one of trajectories: it has
+the inertia, at other weights the parameters are others, and the slopes of the laws. A rounded sign in which a body rests is steep by a
+thousand times its damping: H and H_0 have it both, and l next to nothing.
 AI is the average information of Gilmour, Thompson & Cullis (Biometrics 51, 1995): the mean of the observed and the expected one, in which
-the traces that are dear to compute have cancelled. Both neglect how H bends with X^. M, the inertia, makes a density of accelerations of
-one of forces: H has its square for every moment of the balances (`ocp/pieces.py`), and at other weights the parameters are others.
+the traces that are dear to compute have cancelled. Both neglect how H and H_0 bend with X^.
 
 A parameter that lies on its bound is integrated out like the others, or l would jump by the logarithm of its deviation where one comes to
 lie there: H has it as if it were free, and with a its pull beyond the bound, in its deviations, what is left of its integral is
@@ -22,21 +24,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from scipy.special import log_ndtr
 
 from backsight.ocp import Solution
-from backsight.ocp.follow import Followed
-from backsight.ocp.pieces import Pieces
+from backsight.ocp.marginal import log_density_of_forces
 
-from ..smoothing.along import along
 from ..smoothing.marginal import at
 from ..smoothing.robust import RobustSolution, log_density, row_squares
 from .kkt import gauss_newton
 from .turned import Mask
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+BY_ITSELF = ("samples", "initial state", "parameter prior", "further prior")  # terms whose rows are densities of what they are said of
 LEAST = 0.1  # degrees of freedom, of which squares say anything
 Rows = list[tuple[int, Mask]]  # number of a term, which of its rows
 
@@ -56,14 +56,22 @@ class Likelihood:
             return float("nan")
         total = 0.0
         for number, term in enumerate(s.transcription.nlp.terms):
-            scale = s.values.scale[number]
-            # what must hold has no density, but the determinant of the KKT matrix has the square of its scale
-            rows = np.log(scale[scale > 0]) if term.equality else _log_densities(s, number)[scale > 0]
-            total += float(np.sum(rows))
-        moving = np.ones(s.transcription.nlp.size, dtype=bool)
+            scale, r = s.values.scale[number], s.rows[number]
+            if term.name in BY_ITSELF:
+                total += float(np.sum(_log_densities(s, number)[scale > 0]))
+            elif not term.equality:
+                total -= 0.5 * float(np.sum(r**2))
+        n = s.transcription.nlp.trajectory_size
         determinant, left = self._integrated
-        moving[s.held if left is None else s.held[s.held < s.transcription.nlp.trajectory_size]] = False
-        return total + _log_inertia(s) - 0.5 * determinant + (left or 0.0) + float(np.sum(np.log(s.values.unit[moving])))
+        try:
+            density = log_density_of_forces(s)
+        except np.linalg.LinAlgError:
+            return float("nan")
+        # of both matrices in the program's units, the first states and the parameters are in one of them only
+        free = np.zeros(s.transcription.nlp.size, dtype=bool)
+        free[s.transcription.starts], free[n:] = True, True
+        free[s.held if left is None else s.held[s.held < n]] = False
+        return total + density - 0.5 * determinant + (left or 0.0) + float(np.sum(np.log(s.values.unit[free])))
 
     @cached_property
     def _integrated(self) -> tuple[float, float | None]:
@@ -129,22 +137,6 @@ class Likelihood:
             for part in (0, 1)
         )
         return squares, freedom
-
-
-def _log_inertia(solution: Solution) -> float:
-    """Sum of log |det M| over all moments of the balances, M in the middle of every interval."""
-    t = solution.transcription
-    rows, M = Pieces(t.dae, t.nlp.interpolation, t.horizons, t.offsets, t.soft).inertia
-    if not rows:
-        return 0.0
-    term = t.nlp.terms[solution.term(t.force_term)]
-    followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
-    logs = []
-    for number, horizon in enumerate(t.horizons):
-        knots = horizon.mesh.knots
-        values = along(t.dae, ca.vec(M), followed, number, (knots[1:] + knots[:-1]) / 2, solution.parameters)
-        logs.append(np.linalg.slogdet(values.T.reshape(-1, len(rows), len(rows)))[1])
-    return float(np.sum(np.concatenate(logs)[term.interval])) * float(term.target.shape[0] // len(t.soft))
 
 
 def _log_densities(solution: Solution, number: int) -> Array:

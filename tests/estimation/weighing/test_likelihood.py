@@ -116,14 +116,15 @@ def test_the_weights_of_greatest_likelihood_are_those_of_the_dense_gaussian_with
     assert best.std == pytest.approx(np.sqrt(np.diag(np.linalg.inv(hessian))), rel=0.15)
 
 
-def test_of_two_masses_the_likelihood_prefers_the_one_that_the_dense_gaussian_does(monkeypatch):
-    """Balances are densities of forces, trajectories have accelerations: at another inertia the same row is worth another logarithm."""
+@pytest.mark.parametrize(("name", "symbol", "factors"), [("mass.m", "m", (1.0, 1.01, 1.03)), ("damper.d", "d", (1.0, 1.5, 3.0))])
+def test_of_two_plants_the_likelihood_prefers_the_one_that_the_dense_gaussian_does(monkeypatch, name, symbol, factors):
+    """Balances are densities of forces, trajectories another's: with more inertia or damping the same row is worth another logarithm."""
     y, values, exact = simulated(1), [], []
-    for factor in (1.0, 1.01, 1.03):
-        _, knobs = posed(y, {"mass.m": TRUE["mass.m"] * factor})
+    for factor in factors:
+        _, knobs = posed(y, {name: TRUE[name] * factor})
         values.append(at(knobs, np.zeros(2)).value)
         with monkeypatch.context() as there:
-            there.setattr(sys.modules[__name__], "LINEAR", replace(LINEAR, m=LINEAR.m * factor))
+            there.setattr(sys.modules[__name__], "LINEAR", replace(LINEAR, **{symbol: getattr(LINEAR, symbol) * factor}))
             exact.append(dense(y, FORCE_STD, STD))
     assert np.diff(values) == pytest.approx(np.diff(exact), abs=0.05)
 
