@@ -66,6 +66,8 @@ def result_of_tracking(answer: Tracking) -> dict[str, Any]:
 def result_of_weighing(found: Weighing) -> dict[str, Any]:
     """The content of result.json for `weigh`: that of smoothing with the recommended weights, the table of settings, and the reasons."""
     weights = _weights(found.recommended.weights)
+    drifts = {label.removeprefix("drift of "): std for label, std in found.best.weights.items() if label.startswith("drift of ")}
+    weights |= {"drift": {name: {"std": std} for name, std in drifts.items()}} if drifts else {}
     for label, component in found.components.items():
         kind, name = label.split(" of ", 1)
         if name in weights.get(kind, {}):

@@ -8,6 +8,11 @@ Whether a residual force is there at all is a question at the edge of what a var
 
 because under the null half of all estimates are zero (Self & Liang, J. Amer. Statist. Assoc. 82, 1987; Stram & Lee, Biometrics 50, 1994).
 A force counts as gone when its rows are left less than GONE degrees of freedom, so that the data could not tell a smaller one from it.
+How large one may be that the data would do without, the likelihood tells that is greatest over all others,
+
+    2 (l(theta^) - l(limit))  =  1.96^2.
+
+What is known at theta^ itself would not: near none its logarithm tells nothing, and of the variance too little.
 """
 
 from __future__ import annotations
@@ -34,6 +39,8 @@ RIDGE = 1e-3  # of AI's diagonal, where a weight's rows tell nothing
 ZERO = 0.05  # p from which on a residual force may as well be none
 GONE = 0.3  # degrees of freedom, see above
 LOWER, STEPS_DOWN = float(np.log(5.0)), 8  # steps down to there
+EDGE, NEAR_EDGE = 1.959964, 0.1  # root of LR at the ends of 95 %, and how near to it is near enough
+STEPS_UP, FARTHEST, ROUGH_GAIN = 12, 1.0, 0.05  # steps up to there, the longest one in theta, and what may be left to gain on the way
 DOUBTLESS = 30.0  # LR from which on a force is there: p = 2e-8
 
 
@@ -41,13 +48,15 @@ DOUBTLESS = 30.0  # LR from which on a force is there: p = 2e-8
 class Component:
     """One weight from the data: its std [unit], that of its logarithm (NaN where the data do not tell), and p that it is zero.
 
-    p_zero: None where nobody asks: a sensor has noise. NaN where a solve did not arrive.
+    p_zero: None where nobody asks: a sensor has noise. NaN where a solve did not arrive. limit: of a force that may be none, its std at
+    most, at 95 % [unit]; NaN where it was not found.
     """
 
     std: float
     log_std: float
     unit: str
     p_zero: float | None = None
+    limit: float = float("nan")
 
     @property
     def may_be_none(self) -> bool:
@@ -56,12 +65,9 @@ class Component:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % of its std: on the logarithmic scale, or from none to a limit on that of variances where there may be none.
-
-        Near zero the information on s^2, that on log s over 4 s^4, is finite: s^2 is at most s^2 + 1.645 * 2 s^2 std(log s).
-        """
+        """95 % of its std: on the logarithmic scale, or from none to the limit where there may be none."""
         if self.may_be_none:
-            return 0.0, self.std * float(np.sqrt(1.0 + 2.0 * 1.644854 * self.log_std))
+            return 0.0, self.limit
         spread = float(np.exp(1.959964 * self.log_std))
         return self.std / spread, self.std * spread
 
@@ -159,6 +165,31 @@ def without(turned: Turned, best: Found, f: int) -> float:
         return float("nan")
     ratio = _ratio(best, null.likelihood)
     return 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
+
+
+def doubted(turned: Turned, best: Found, f: int) -> tuple[float, float]:
+    """p that weight f is zero, and its std at most where it may be; NaN where a search did not arrive, or nobody asks."""
+    p = without(turned, best, f)
+    return p, at_most(turned, best, f) if p > ZERO else float("nan")
+
+
+def at_most(turned: Turned, best: Found, f: int) -> float:
+    """The std of weight f above its best at which twice the log likelihood, greatest over the others, has fallen by 1.96^2; else NaN.
+
+    Where a force is small beside what is known of it, the root of that grows as its variance does.
+    """
+    alone = np.arange(len(best.theta)) == f
+    spread = float(best.std[f])
+    theta, here = best.theta + 0.5 * np.log1p(2.0 * EDGE * (spread if np.isfinite(spread) else 1.0)) * alone, best.likelihood
+    for _ in range(STEPS_UP):
+        found = maximise(turned, theta, best.moving & ~alone, _at(turned, theta, here.solution.solved.decisions), gain=ROUGH_GAIN)
+        if not found.arrived:
+            break
+        root = float(np.sqrt(max(_ratio(best, found.likelihood), 0.0)))
+        if abs(root - EDGE) < NEAR_EDGE:
+            return turned.stds(found.theta)[turned.weights[f].label]
+        here, theta = found.likelihood, found.theta + float(np.clip(0.5 * np.log(EDGE / max(root, 1e-9)), -FARTHEST, FARTHEST)) * alone
+    return float("nan")
 
 
 def _ratio(best: Found, here: Likelihood) -> float:

@@ -20,7 +20,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..supposed import noisy_inputs
 from ..workers import Here, as_finished
-from .components import Component, Found, maximise, without
+from .components import Component, Found, doubted, maximise
 from .turned import Turned, turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -32,11 +32,12 @@ FOLLOWED = 0.05  # of a sensor's samples: with fewer degrees of freedom left its
 
 @dataclass(frozen=True, kw_only=True)
 class Estimated:
-    """posed: the problem with its weights left open; knobs: its weights on the mesh of its smoothing.
+    """whole: the problem with its weights left open, posed: its fitted recordings; knobs: the weights on the mesh of their smoothing.
 
     given (F,): theta of weights that were given, else NaN; best: the greatest likelihood over those that could be sought.
     """
 
+    whole: Problem
     posed: Problem
     knobs: Turned
     given: Array
@@ -56,7 +57,8 @@ def variance_components(problem: Problem, *, progress: Progress | None = None) -
 def estimated(problem: Problem, say: Progress) -> Estimated:
     """The weights of greatest likelihood of the fitted recordings."""
     check_varies(problem)
-    posed = opened(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"]))
+    whole = opened(problem)
+    posed = replace(whole, recordings=[r for r in whole.recordings if r.role == "fit"])
     first = smoothing(posed, settings=Settings(marginal=False), progress=say)
     if not first.solver.converged and first.solution is not None:  # from near the end a way is found that was not from the start
         say("once more from where it stopped")
@@ -65,32 +67,47 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     say("weights from the likelihood")
     given = _given(problem, knobs)
     best = _likeliest(knobs, given, say)
-    return Estimated(posed=posed, knobs=knobs, given=given, best=best)
+    return Estimated(whole=whole, posed=posed, knobs=knobs, given=given, best=best)
 
 
 def components(told: Estimated, pool: Executor, ahead: int, say: Progress) -> dict[str, Component]:
     """What the data tell of every weight; whether one may be none is asked of each by itself, so many at once."""
     knobs, best = told.knobs, told.best
     spread = best.std if best.arrived else np.full(len(knobs.weights), np.nan)
-    p: dict[int, float | None] = {f: None if w.is_noise else float("nan") for f, w in enumerate(knobs.weights) if w.is_component}
-    asked = [f for f, unknown in p.items() if unknown is not None and best.arrived]
-    for f, found in as_finished(pool, ((f, partial(without, knobs, best, f)) for f in asked), ahead):
-        say(f"without {knobs.weights[f].label}: p = {found:.2g}")
-        p[f] = found
-    stds = knobs.stds(best.theta)
-    return {
-        w.label: Component(std=stds[w.label], log_std=float(spread[f]), p_zero=p[f], unit=w.unit)
-        for f, w in enumerate(knobs.weights)
-        if w.is_component
-    }
+    stds, found = knobs.stds(best.theta), dict[int, Component]()
+    for f, w in enumerate(knobs.weights):
+        if w.is_component:
+            p = None if w.is_noise else float("nan")
+            found[f] = Component(std=stds[w.label], log_std=float(spread[f]), p_zero=p, unit=w.unit)
+    asked = [f for f, c in found.items() if c.p_zero is not None and best.arrived]
+    for f, (p, limit) in as_finished(pool, ((f, partial(doubted, knobs, best, f)) for f in asked), ahead):
+        say(f"without {knobs.weights[f].label}: p = {p:.2g}")
+        found[f] = replace(found[f], p_zero=p, limit=limit)
+    return {knobs.weights[f].label: c for f, c in found.items()}
 
 
 def opened(problem: Problem) -> Problem:
-    """The problem without W at its balances and V of its outputs; what only a given weight makes part of it stays."""
+    """The problem without W at its balances and V of its outputs; what only a given weight makes part of it stays.
+
+    So does what recordings have of their own: V of an output that is not the same in all is turned in all of them together.
+    """
     weights, plain = problem.weights, {p.name for p in problem.dae.places}
-    own = {name: std for name, std in weights.W.items() if name not in plain or name in weights.tau}
-    recordings = [replace(r, output_std=dict.fromkeys(r.outputs)) for r in problem.recordings]
-    return replace(problem, recordings=recordings, weights=replace(weights, W=own, V=noisy_inputs(problem)))
+    W = {name: std for name, std in weights.W.items() if name not in plain or name in weights.tau}
+    own = own_noises(problem)
+    recordings = [replace(r, output_std={name: own.get(name, {}).get(r.name) for name in r.outputs}) for r in problem.recordings]
+    return replace(problem, recordings=recordings, weights=replace(weights, W=W, V=noisy_inputs(problem)))
+
+
+def own_noises(problem: Problem) -> dict[str, dict[str, float]]:
+    """Output -> recording -> std that is given there, of those outputs of which it is not the same in all recordings that give one."""
+    found: dict[str, dict[str, float]] = {}
+    for recording in problem.recordings:
+        for name, own in recording.output_std.items():
+            given = problem.weights.noise(name, recording.name)
+            std = own if given is None else given
+            if std is not None:
+                found.setdefault(name, {})[recording.name] = std
+    return {name: own for name, own in found.items() if len(set(own.values())) > 1}
 
 
 def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
@@ -112,7 +129,11 @@ def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
 def _given(problem: Problem, knobs: Turned) -> Array:
     """theta (F,) of the weights that the problem gives, NaN of those that it leaves out."""
     stds = {f"W of {name}": std for name, std in problem.weights.W.items()}
+    stds |= {f"drift of {name}": free.drift for name, free in problem.varying.items() if free.drift is not None}
     for recording in problem.recordings:
-        stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
+        if recording.role == "fit":
+            stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
     stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
+    kept = {f"V of {name}" for name in own_noises(problem)}
+    stds |= {w.label: w.std for w in knobs.weights if w.label in kept}
     return np.array([np.log(stds[w.label] / w.std) if w.label in stds else np.nan for w in knobs.weights])

@@ -31,7 +31,7 @@ from backsight.ocp import Solution
 from backsight.ocp.marginal import log_density_of_forces
 
 from ..smoothing.marginal import at
-from ..smoothing.robust import RobustSolution, log_density, row_squares
+from ..smoothing.robust import row_squares
 from .kkt import gauss_newton
 from .turned import Mask
 
@@ -58,8 +58,8 @@ class Likelihood:
         for number, term in enumerate(s.transcription.nlp.terms):
             scale, r = s.values.scale[number], s.rows[number]
             if term.name in BY_ITSELF:
-                total += float(np.sum(_log_densities(s, number)[scale > 0]))
-            elif not term.equality:
+                total += float(np.sum(np.log(scale[scale > 0])))
+            if not term.equality:
                 total -= 0.5 * float(np.sum(r**2))
         n = s.transcription.nlp.trajectory_size
         determinant, left = self._integrated
@@ -137,14 +137,3 @@ class Likelihood:
             for part in (0, 1)
         )
         return squares, freedom
-
-
-def _log_densities(solution: Solution, number: int) -> Array:
-    """Logarithms of the densities of a term's rows but for the constant; of no meaning where a scale is zero."""
-    scale, r = solution.values.scale[number], solution.rows[number]
-    density = -0.5 * r**2
-    with np.errstate(divide="ignore"):
-        if isinstance(solution, RobustSolution) and number == solution.term("samples"):
-            scale = scale / np.sqrt(solution.weights * solution.gain)
-            density = np.where(solution.huber, log_density(solution.standardised), density)
-        return np.asarray(np.log(scale) + density)

@@ -24,6 +24,7 @@ from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.program import Program
 from ..smoothing.rest import near_rest
+from ..smoothing.robust import RobustSolution
 from ..supposed import INPUT, PARAMETER
 from ..wording import per_root_bandwidth
 
@@ -67,14 +68,17 @@ class Weight:
 
 @dataclass(frozen=True, kw_only=True)
 class Turned:
-    """The program of a solution, its weights (F,) and numbers without the weights of a robust loss.
+    """The program of a solution and its weights (F,).
 
-    coloured: place -> rows of the initial state that its std scales too, because a coloured force starts stationary.
+    coloured: place -> rows of the initial state that its std scales too, because a coloured force starts stationary. outliers: how many
+    samples a robust loss took for far off. They are left out, and all others are squares: so much the same at all weights, of which the
+    likelihoods could not be compared if each had outliers of its own.
     """
 
     program: Program
     weights: tuple[Weight, ...]
     coloured: dict[int, tuple[int, ...]]
+    outliers: int = 0
 
     def solve(
         self, theta: Array, start: Array | None = None, *, newton: bool = False, say: Callable[[str], None] | None = None
@@ -84,15 +88,12 @@ class Turned:
         return self.program.solve(begin, self.values(theta), newton, say or (lambda _: None))
 
     def solved(self, theta: Array, start: Array | None = None) -> Solution:
-        """The same to TOLERANCE, with exact second derivatives where steps of Gauss and Newton do not suffice.
-
-        A robust loss has more steps instead: to the full tolerance its tails are judged anew, and likelihoods would not compare.
-        """
+        """The same to TOLERANCE, with exact second derivatives where steps of Gauss and Newton do not suffice."""
         program, values = self._roughly, self.values(theta)
         found = program.solve(program.start if start is None else start, values, False, lambda _: None)
         if found.solved.status is not Status.ITERATIONS:
             return found
-        return program.solve(found.solved.decisions, values, program.losses is None, lambda _: None)
+        return program.solve(found.solved.decisions, values, True, lambda _: None)
 
     @cached_property
     def _roughly(self) -> Program:
@@ -189,8 +190,11 @@ def turned(problem: Problem, result: Smoothing) -> Turned:
     solution, in_force = result.solution, result.weights
     if solution is None or not result.solver.converged:
         raise InputError(f"weigh: the study cannot begin, because smoothing did not converge ({result.solver.status.rstrip('.')}).")
-    t, posed = solution.transcription, problem.posed
-    program = Program.at(posed, solution)
+    t, posed, outliers = solution.transcription, problem.posed, 0
+    if isinstance(solution, RobustSolution):
+        there = solution.values.scale[solution.term("samples")] > 0
+        outliers, solution = int(np.count_nonzero(solution.far & there)), solution.without_outliers
+    program = replace(Program.at(posed, solution), losses=None)
     weights, coloured, names = [], {}, [q.name for q in posed.dae.states]
     for row, k in enumerate(t.soft):
         place = posed.dae.places[k]
@@ -212,4 +216,4 @@ def turned(problem: Problem, result: Smoothing) -> Turned:
             weights.append(Weight(name=q.name, kind="V", std=in_force.V[q.name], unit=q.unit, row=row))
     if any(term.name == "parameter prior" for term in t.nlp.terms):
         weights.append(Weight(name="the parameters", kind="prior", std=1.0, unit="1", row=-1))
-    return Turned(program=program, weights=tuple(weights), coloured=coloured)
+    return Turned(program=program, weights=tuple(weights), coloured=coloured, outliers=outliers)

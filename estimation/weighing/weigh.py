@@ -18,15 +18,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..problem import Problem, Weights
-from ..recordings.recording import Recording
+from backsight.models.augmentation.parameters import case_name
+
+from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.smoother import smooth
 from ..wording import listed
 from ..workers import as_finished, at_hand, workers
 from .components import Component, Found
-from .estimated import Estimated, components, estimated, opened
+from .estimated import Estimated, components, estimated, own_noises
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import ALONE, settings
@@ -95,7 +96,7 @@ def weigh(
         told = estimated(replace(problem, recordings=recordings), say)
         posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
         say("smoothing what was held out")
-        apart = pool.submit(_held_out, told, recordings, say if ahead == 1 else None)
+        apart = pool.submit(_held_out, told, say if ahead == 1 else None)
         found_of = components(told, pool, ahead, say)
         force = sizes(posed, best.solution)
         untold = knobs.noise & ~best.moving  # the same for all
@@ -104,10 +105,9 @@ def weigh(
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
         stand = Stand(fitted=knobs, held_out=apart.result(), start=best.solution.solved.decisions)
         chains = settings(knobs.weights, candidates, theta)
-        whole = opened(replace(problem, recordings=recordings))
 
         def with_weights(setting: Setting) -> Problem:
-            return replace(whole, weights=_weights(posed.weights, knobs, np.array(setting.theta)))
+            return _at(told.whole, knobs, np.array(setting.theta))
 
         # most often those are recommended: with several workers this goes beside the settings
         likeliest = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
@@ -131,27 +131,41 @@ def weigh(
         notes=(),
         problem=problem,
     )
-    return replace(found, notes=(*([split] if split else []), *words(found), *_of_the_fit(found)))
+    outliers = (
+        [f"{knobs.outliers} samples that lie far off are left out of the study, the same ones at all weights."] if knobs.outliers else []
+    )
+    return replace(found, notes=(*([split] if split else []), *words(found), *outliers, *_of_the_fit(found)))
 
 
-def _weights(weights: Weights, knobs: Turned, theta: Array) -> Weights:
-    """As a study file has them."""
-    stds = knobs.stds(theta)
+def _at(problem: Problem, knobs: Turned, theta: Array) -> Problem:
+    """An opened problem with the weights theta, rates of drift among them."""
+    stds, own = knobs.stds(theta), own_noises(problem)
     W, V = ({w.name: stds[w.label] for w in knobs.weights if w.kind == kind} for kind in ("W", "V"))
-    return replace(weights, W={**weights.W, **W}, V={**weights.V, **V})
+    for w, factor in zip(knobs.weights, np.exp(theta), strict=True):
+        if w.is_noise and w.name in own:
+            V |= {case_name(w.name, name): std * float(factor) for name, std in own[w.name].items()}
+    drifts = {w.name: stds[w.label] for w in knobs.weights if w.kind == "drift"}
+    drifting = {name: replace(free, drift=drifts[name]) for name, free in problem.varying.items() if name in drifts}
+    weights = replace(problem.weights, W={**problem.weights.W, **W}, V={**problem.weights.V, **V})
+    return replace(problem, weights=weights, parameters={**problem.parameters, **drifting})
 
 
-def _held_out(told: Estimated, recordings: Sequence[Recording], say: Progress | None) -> Turned | None:
-    """What was held out, smoothed with the parameters of the best weights."""
-    own = [replace(r, role="fit", output_std=dict.fromkeys(r.outputs)) for r in recordings if r.role == "held_out"]
+def _held_out(told: Estimated, say: Progress | None) -> Turned | None:
+    """What was held out, smoothed with the parameters of the best weights.
+
+    A std of its weights is that of the fitted recordings, which a setting turns.
+    """
+    own = [replace(r, role="fit") for r in told.whole.recordings if r.role == "held_out"]
     if not own:
         return None
-    posed, found = told.posed, values_of(told.best.solution)
-    values = {p.name: found.get(p.name, p.value) for p in posed.dae.parameters}
-    weights = _weights(posed.weights, told.knobs, told.best.theta)
-    fixed = replace(posed, recordings=own, parameters={**values, **posed.varying}, weights=weights)
+    best, found = _at(told.whole, told.knobs, told.best.theta), values_of(told.best.solution)
+    values = {p.name: found.get(p.name, p.value) for p in told.posed.dae.parameters}
+    fixed = replace(best, recordings=own, parameters={**values, **best.varying})
     result = smooth(fixed, progress=say)
-    return turned(fixed, result) if result.solver.converged else None
+    if not result.solver.converged:
+        return None
+    knobs, stds = turned(fixed, result), told.knobs.stds(told.best.theta)
+    return replace(knobs, weights=tuple(replace(w, std=stds.get(w.label, w.std)) for w in knobs.weights))
 
 
 def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import truths
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize, minimize_scalar
 from shaken import DEVIATION, DT, FORCE_STD, LINEAR, MEAN, PLANT, STD, TRUE, N, driven, simulated
 
 from backsight.data.generators import five_bar
 from backsight.estimation import Free, Known, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
 from backsight.estimation.weighing import components
-from backsight.estimation.weighing.components import Component, Found, maximise, without
+from backsight.estimation.weighing.components import Component, Found, doubted, maximise, without
 from backsight.estimation.weighing.kkt import gauss_newton, sensitivity
 from backsight.estimation.weighing.likelihood import Likelihood
 from backsight.estimation.weighing.turned import Turned, turned
@@ -181,6 +181,22 @@ def test_a_search_without_a_force_that_does_not_settle_tells_no_p(monkeypatch):
     assert np.isnan(without(knobs, best, 0))
 
 
+def test_a_force_that_may_be_none_is_at_most_as_large_as_the_dense_likelihood_says():
+    """Of each force the noise of greatest likelihood beside it: the limit is where twice the logarithm has fallen by 1.96^2."""
+    y = simulated(203, force_std=0.0)
+    _, knobs = posed(y)
+    best = maximise(knobs, np.zeros(2), np.ones(2, dtype=bool))
+
+    def profile(force: float) -> float:
+        return -minimize_scalar(lambda t: -dense(y, force, STD * np.exp(t)), (-0.1, 0.1), tol=1e-6).fun
+
+    greatest = max(profile(force) for force in np.geomspace(1e-5, 0.1, 12))
+    limit = brentq(lambda force: 2 * (greatest - profile(force)) - 1.959964**2, 1e-5, 1.0, xtol=1e-6)
+    p, found = doubted(knobs, best, 0)
+    assert p > 0.05
+    assert found == pytest.approx(limit, rel=0.1)
+
+
 @pytest.mark.slow
 def test_over_thirty_seeds_the_stds_are_right_and_their_intervals_hold_what_they_promise():
     scores, errors = [], []
@@ -192,6 +208,28 @@ def test_over_thirty_seeds_the_stds_are_right_and_their_intervals_hold_what_they
     assert np.all(np.abs(np.median(np.expm1(errors), axis=0)) < 0.1)
     assert np.count_nonzero(np.abs(scores) < 1.96) >= 52  # of 60, of which 57 are expected
     assert 0.7 < np.std(scores) < 1.3
+
+
+def test_outliers_that_a_loss_leaves_out_are_left_out_at_all_weights_and_the_slope_is_that_of_the_value():
+    y = simulated(6)
+    gross = np.random.default_rng(1).choice(N, 12, replace=False)
+    y[gross] += 30 * STD * np.where(gross % 2, 1.0, -1.0)
+    problem, _ = posed(y)
+    (log,) = problem.recordings
+    problem = replace(problem, recordings=[replace(log, output_loss={"x": "huber"}, output_std={"x": None})])
+    knobs = turned(problem, smooth(problem, settings=Settings(step=DT / 2, marginal=False)))
+    assert knobs.outliers == len(gross)
+    best = maximise(knobs, np.zeros(2), np.ones(2, dtype=bool))
+    assert knobs.weights[1].std * np.exp(best.theta[1]) == pytest.approx(STD, rel=0.15)
+    for f in range(2):
+        step = 0.02 * np.eye(2)[f]
+        ends = [at(knobs, best.theta + sign * step + 0.3).value for sign in (1.0, -1.0)]
+        slope = at(knobs, best.theta + 0.3).slope[f]
+        assert (ends[0] - ends[1]) / 0.04 == pytest.approx(slope, abs=0.02 * abs(slope) + 0.2)
+    pulls = np.column_stack([at(knobs, best.theta + sign * 1e-3 * np.array([0.0, 1.0])).solution.solved.decisions for sign in (1.0, -1.0)])
+    here = at(knobs, best.theta)
+    moved = (pulls[:, 0] - pulls[:, 1]) / 2e-3
+    assert sensitivity(here.solution, here.pulls)[:, 1] == pytest.approx(moved, abs=1e-3 * np.abs(moved).max())
 
 
 @pytest.mark.slow

@@ -153,6 +153,35 @@ def test_on_a_cluster_that_loses_a_worker_the_study_is_finished(found):
 )
 def test_problems_that_are_posed_with_more_states_are_studied_too(asked):
     study = weigh(replace(problem(), **asked))
-    assert study.recommended.solver.converged
+    recommended = study.recommended
+    assert recommended.solver.converged
     assert all(o.converged for o in study.outcomes)
     assert study.arrived
+    in_force = {f"{kind} of {name}": std for kind in ("W", "V") for name, std in getattr(recommended.weights, kind).items()}
+    drifts = result_of_weighing(study)["recommended"].get("drift", {})
+    in_force |= {f"drift of {name}": drift["std"] for name, drift in drifts.items()}
+    for label in study.components:
+        assert in_force[label] == pytest.approx(study.best.weights[label], rel=1e-6)
+    for name, drift in drifts.items():
+        assert any(f"{name} drifts by {drift['std']:.3g} " in note for note in recommended.notes)
+        assert drift["interval"][0] <= drift["from_data"] <= drift["interval"][1]
+
+
+@pytest.mark.slow
+def test_noise_that_each_recording_has_of_its_own_stays_so():
+    """A sensor is ten times as coarse in one of two fitted recordings, as given: one factor turns both, and none gets the other's."""
+    rough, runs = 10.0, []
+    for name, seed, role, times in (("fine", 11, "fit", 1.0), ("rough", 13, "fit", rough), ("later", 12, "held_out", 1.0)):
+        time, u = driven(300)
+        y = simulated(seed, n=300) + STD * np.sqrt(times**2 - 1) * np.random.default_rng(seed).standard_normal(300)
+        given = 3 * times * STD  # three times too much
+        runs.append(Recording(name=name, time=time, inputs={"F": u}, outputs={"x": y}, output_std={"x": given}, role=role))
+    study = weigh(replace(problem(), recordings=runs))
+    V = study.recommended.weights.V
+    assert study.chosen == "greatest likelihood"
+    assert V["x [fine]"] == pytest.approx(STD, rel=0.2)
+    assert V["x [rough]"] == pytest.approx(rough * V["x [fine]"])
+    given = next(o for o in study.outcomes if o.setting.name == "as given")
+    best = study.best
+    assert given.weights["V of x"] == pytest.approx(best.weights["V of x"] * 3 * STD / V["x [fine]"], rel=1e-6)
+    assert given.held_out < best.held_out
