@@ -41,7 +41,14 @@ def estimate(plant: str, seed: int) -> dict[str, Any]:
         return {"plant": plant, "seed": seed, "error": f"{type(error).__name__}: {error}", "seconds": time.perf_counter() - began}
     true = {f"W of {k}": v for k, v in process.items()} | {f"V of {k}": v for k, v in noise.items()}
     weights = {
-        label: {"true": true.get(label, 0.0), "std": c.std, "log_std": c.log_std, "p_zero": c.p_zero, "unit": c.unit}
+        label: {
+            "true": true.get(label, 0.0),
+            "std": c.std,
+            "log_std": c.log_std,
+            "p_zero": c.p_zero,
+            "unit": c.unit,
+            "interval": c.interval,
+        }
         for label, c in found.items()
     }
     return {"plant": plant, "seed": seed, "weights": weights, "seconds": time.perf_counter() - began}
@@ -57,13 +64,14 @@ def table(runs: list[dict[str, Any]]) -> str:
     for label in dict.fromkeys(label for r in good for label in r["weights"]):
         rows = [r["weights"][label] for r in good if label in r["weights"]]
         there, none = [w for w in rows if w["true"]], [w for w in rows if not w["true"]]
-        untold, there = sum(not np.isfinite(w["log_std"]) for w in there), [w for w in there if np.isfinite(w["log_std"])]
+        untold, there = sum(not np.all(np.isfinite(w["interval"])) for w in there), [w for w in there if np.all(np.isfinite(w["interval"]))]
         ratio = np.array([w["std"] / w["true"] for w in there])
         z = np.log(ratio) / np.array([w["log_std"] for w in there]) if there else np.empty(0)
         told = [w for w in none if w["p_zero"] is not None and np.isfinite(w["p_zero"])]
         zero = sum(w["p_zero"] > 0.05 for w in told)
         missed = sum(w["p_zero"] is not None and w["p_zero"] > 0.05 for w in there)
-        right = f"{np.median(ratio):14.3f}{f'{int((np.abs(z) < 1.96).sum())} of {len(z)}':>12s}" if there else " " * 26
+        held = sum(w["interval"][0] <= w["true"] <= w["interval"][1] for w in there)
+        right = f"{np.median(ratio):14.3f}{f'{held} of {len(z)}':>12s}" if there else " " * 26
         spread = f"{z.std(ddof=1):10.2f}" if len(z) > 1 else " " * 10
         called = f"{f'{zero} of {len(told)}':>14s}{len(none) - len(told):11d}" if none else " " * 25
         lines.append(f"    {label:24s}{right}{spread}{called}")
