@@ -83,6 +83,7 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
             }
             for label, of in found.slopes.items()
         },
+        "influence_on_states": {label: dict(of) for label, of in found.state_slopes.items()},
         "notes": list(found.notes),
     }
 

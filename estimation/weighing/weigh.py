@@ -58,8 +58,9 @@ class Weighing:
     come from; why: a sentence.
     components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds it lies elsewhere with a tenth and
     with ten times the weight's std, as solved; NaN where that did not converge. slopes: the same to first order, for an e-fold std, of the
-    parameters most probable together with a trajectory. outcomes: of all settings. forces: place -> rms of the largest force there.
-    arrived: whether the search for the greatest likelihood did. notes: what the study says in words.
+    parameters most probable together with a trajectory; state_slopes: of every state, the rms over time. outcomes: of all settings.
+    forces: place -> rms of the largest force there. arrived: whether the search for the greatest likelihood did. notes: what the study
+    says in words.
     """
 
     recommended: Smoothing
@@ -69,6 +70,7 @@ class Weighing:
     correlation: Mapping[tuple[str, str], float]
     moves: Mapping[str, Mapping[str, tuple[float, float]]]
     slopes: Mapping[str, Mapping[str, float]]
+    state_slopes: Mapping[str, Mapping[str, float]]
     outcomes: tuple[Outcome, ...]
     forces: Mapping[str, float]
     arrived: bool
@@ -117,6 +119,7 @@ def weigh(
         say("smoothing with the recommended weights")
         ready = begun if chosen.setting == likeliest else None
         result = smooth(with_weights(chosen.setting), progress=say) if ready is None else ready.result()
+    slopes, state_slopes = _slopes(knobs, best)
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,
@@ -124,7 +127,8 @@ def weigh(
         components=found_of,
         correlation=_correlation(knobs, best),
         moves=_moves(outcomes),
-        slopes=_slopes(knobs, best),
+        slopes=slopes,
+        state_slopes=state_slopes,
         outcomes=tuple(outcomes),
         forces=force,
         arrived=best.arrived,
@@ -232,15 +236,23 @@ def _moves(outcomes: Sequence[Outcome]) -> dict[str, dict[str, tuple[float, floa
     return found
 
 
-def _slopes(knobs: Turned, best: Found) -> dict[str, dict[str, float]]:
-    solution, n = best.solution, best.solution.transcription.nlp.trajectory_size
-    slope = sensitivity(solution, best.likelihood.pulls)[n:]
-    curvature = solution.curvature
-    std = np.sqrt(curvature.parameter_variance) if curvature is not None else np.full(len(slope), np.nan)
-    names = [solution.transcription.dae.parameters[i].name for i in solution.transcription.nlp.free]
-    std = np.where(std > 0, std, np.nan)  # on a bound it does not move at all
-    slope = slope / std[:, None]
-    return {w.label: dict(zip(names, slope[:, f].tolist(), strict=True)) for f, w in enumerate(knobs.weights)}
+def _slopes(knobs: Turned, best: Found) -> tuple[dict[str, dict[str, float]], dict[str, dict[str, float]]]:
+    """Of the parameters, and the rms over all knots of those of the states."""
+    solution, t = best.solution, best.solution.transcription
+    slope, curvature, nx, n = sensitivity(solution, best.likelihood.pulls), solution.curvature, len(t.dae.states), t.nlp.trajectory_size
+    if curvature is None:
+        return {}, {}
+    std = np.sqrt(curvature.parameter_variance)
+    ends = np.sqrt(np.einsum("kii->ki", curvature.interval_covariance[:, :nx, :nx]))  # at the left end of every interval
+    # what is on a bound, or known, does not move at all
+    parameters = slope[n:] / np.where(std > 0, std, np.nan)[:, None]
+    states = slope[t.nlp.index[:nx].T] / np.where(ends > 0, ends, np.inf)[:, :, None]
+    names = [t.dae.parameters[i].name for i in t.nlp.free]
+    moved = np.sqrt(np.mean(states**2, axis=0))
+    return (
+        {w.label: dict(zip(names, parameters[:, f].tolist(), strict=True)) for f, w in enumerate(knobs.weights)},
+        {w.label: {q.name: float(moved[i, f]) for i, q in enumerate(t.dae.states)} for f, w in enumerate(knobs.weights)},
+    )
 
 
 def _correlation(knobs: Turned, best: Found) -> dict[tuple[str, str], float]:

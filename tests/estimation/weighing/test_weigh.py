@@ -61,6 +61,16 @@ def test_every_setting_is_there_and_the_likeliest_leads(found):
     assert min(o.held_out for o in (path[0], path[-1])) < best.held_out - 10
 
 
+def test_to_first_order_a_weight_of_forces_moves_every_state_as_far_as_that_of_the_only_sensor(found):
+    assert set(found.state_slopes) == {"W of mass", "V of x"}
+    for of in found.state_slopes.values():
+        assert set(of) == {"mass.s", "mass.v"}
+        assert all(0.01 < slope < 10.0 for slope in of.values())
+    # forces and noise only count by their ratio, so that one moves everything as the other does back
+    for state, slope in found.state_slopes["W of mass"].items():
+        assert slope == pytest.approx(found.state_slopes["V of x"][state], rel=0.05)
+
+
 def test_of_a_force_whose_p_is_not_known_nothing_is_said_that_takes_it(found):
     """Neither that its balance holds as it stands, nor that it is more than none; and result.json has null for it."""
     component = replace(found.components["W of mass"], p_zero=float("nan"))
