@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from backsight.ocp import Solution
 
 from ..smoothing.marginal import marginal
 from ..smoothing.on_bounds import on_bounds
+from .identity import identity
 from .kkt import gauss_newton
 from .likelihood import Likelihood
 from .turned import Turned
@@ -22,7 +22,6 @@ from .turned import Turned
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Group = Literal["candidate", "trade-off", "weight", "stage"]
 
-DIGITS = 6  # that tell one study from another
 KEPT = 1  # studies that a worker keeps ready
 
 
@@ -81,17 +80,8 @@ class Stand:
 
     @property
     def identity(self) -> str:
-        """A name for the numbers of the study: the same for the same recordings, model, start and mesh."""
-        found = hashlib.sha256()
-        for turned in (self.fitted, self.held_out):
-            if turned is not None:
-                t = turned.program.transcription
-                found.update(t.dae.function().serialize().encode())
-                found.update(np.round(self.start, DIGITS).tobytes())
-                for array in (t.nlp.steps, *(h.target for h in t.horizons), *(h.inputs for h in t.horizons)):
-                    found.update(np.ascontiguousarray(array).tobytes())
-                found.update(repr([(w.label, f"{w.std:.{DIGITS}g}") for w in turned.weights]).encode())
-        return found.hexdigest()[:16]
+        """A name for all that its outcomes hang on."""
+        return identity(self.fitted, self.held_out, self.start)
 
     def outcomes(self, chain: Sequence[Setting]) -> list[Outcome]:
         """The settings solved, one from where the one before arrived."""
