@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,6 +19,7 @@ import pytest
 from friction_axis import STUDY as MACHINE
 from friction_axis import FrictionAxis
 
+from backsight.estimation.command import commands
 from backsight.estimation.command.cli import main
 
 STUDY = (
@@ -68,11 +72,12 @@ def test_the_study_is_written_with_its_settings_and_its_recommendation(study, ca
 
 
 @pytest.mark.slow
-def test_an_interrupted_study_goes_on(study):
+def test_an_interrupted_study_goes_on_and_solves_nothing_again(study, monkeypatch, capsys):
+    """But for a chain of settings that was not at its end: what it gives hangs on where it came from."""
     code = "import sys; from backsight.estimation.command.cli import main; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-c", code, "weigh", str(study), "--out", str(study.parent / "again")]
+    arguments = ["weigh", str(study), "--out", str(study.parent / "again"), "--verbose"]
     kept = study.parent / ".again.settings"
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", code, *arguments], stderr=subprocess.PIPE, text=True)
     began = time.monotonic()
     while not (kept.is_dir() and len(list(kept.glob("*.json"))) > 3):
         assert process.poll() is None
@@ -83,10 +88,24 @@ def test_an_interrupted_study_goes_on(study):
     assert process.returncode == 130
     assert str(kept) in said
     assert not (study.parent / "again").exists()
-    finished = {path: path.stat().st_mtime_ns for path in kept.glob("*.json")}
-    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+    finished, after = {path: path.stat().st_mtime_ns for path in kept.glob("*.json")}, dict[Path, int]()
+    candidates = [path for path in finished if json.loads(path.read_text(encoding="utf-8"))["setting"]["group"] == "candidate"]
+
+    def vanish(folder: Path, *, ignore_errors: bool) -> None:
+        after.update({path: path.stat().st_mtime_ns for path in folder.glob("*.json")})
+        rmtree(folder, ignore_errors=ignore_errors)
+
+    rmtree = shutil.rmtree
+    monkeypatch.setattr(commands, "shutil", SimpleNamespace(rmtree=vanish))
+    assert main(arguments) == 0
+    counted = [int(k) for k in re.findall(r"setting (\d+) of \d+", capsys.readouterr().err)]
+    assert counted[0] == len(finished) > 3
     assert (study.parent / "again" / "result.json").exists()
-    assert finished
+    assert len(after) > len(finished)
+    again = [path for path in finished if after[path] != finished[path]]
+    assert len(again) < 4
+    assert len(candidates) == 3
+    assert not set(again) & set(candidates)
     assert not kept.exists()
 
 
