@@ -117,7 +117,7 @@ def run_weigh(path: Path, options: Options) -> int:
 
     check_workers(options.jobs, options.scheduler)
     study, out = Study.read(path), options.out or _named_after(path, "_weighed")
-    keep = out.with_name(f".{out.name}.settings")
+    keep = _beside(out, "settings")
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
         kept(keep)
@@ -142,7 +142,7 @@ def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int
     from ..report import write_diagnosis_report
 
     check_workers(options.jobs, options.scheduler)
-    keep = out.with_name(f".{out.name}.parts")
+    keep = _beside(out, "parts")
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
         kept(keep)
@@ -229,6 +229,12 @@ def _converged(answer: Smoothing, out: Path) -> int:
 def _named_after(study: Path, ending: str = "") -> Path:
     """The folder beside the study that has its name without .toml, and this ending."""
     return study.with_name(f"{study.stem}{ending or ('' if study.suffix else '_results')}")
+
+
+def _beside(out: Path, ending: str) -> Path:
+    """The hidden folder beside that of the results, also where this is the one that the command runs in: its own name counts, not a dot."""
+    place = out.resolve()
+    return place.parent / f".{place.name}.{ending}"
 
 
 @contextmanager

@@ -113,6 +113,18 @@ def test_the_terminal_has_the_verdict_first(study, search, capsys, monkeypatch):
     assert capsys.readouterr().out == ""
 
 
+def test_the_folder_that_one_is_in_may_be_that_of_the_results(study, search, monkeypatch):
+    """What is finished then lies beside it, as beside any other."""
+    inside = study.parent / "inside"
+    inside.mkdir()
+    monkeypatch.chdir(inside)
+    for named in (".", "../inside"):
+        assert main(["diagnose", str(study), "--out", named]) == 0
+        assert search.asked["keep"] == study.parent / ".inside.parts"
+        assert not search.asked["keep"].exists()
+    assert (inside / "result.json").exists()
+
+
 def test_an_interrupt_keeps_what_is_finished_and_a_bad_problem_writes_nothing(study, search, capsys):
     search.found = KeyboardInterrupt()
     assert main(["diagnose", str(study)]) == 130

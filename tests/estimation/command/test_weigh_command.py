@@ -19,6 +19,8 @@ import pytest
 from friction_axis import STUDY as MACHINE
 from friction_axis import FrictionAxis
 
+from backsight.estimation import Problem
+from backsight.estimation import weighing as package
 from backsight.estimation.command import commands
 from backsight.estimation.command.cli import main
 
@@ -107,6 +109,20 @@ def test_an_interrupted_study_goes_on_and_solves_nothing_again(study, monkeypatc
     assert len(candidates) == 3
     assert not set(again) & set(candidates)
     assert not kept.exists()
+
+
+def test_the_folder_that_one_is_in_may_be_that_of_the_results(study, monkeypatch):
+    asked = list[Path]()
+
+    def interrupted(_problem: Problem, *, keep: Path, **_options: object) -> None:
+        asked.append(keep)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(package, "weigh", interrupted)
+    monkeypatch.chdir(study.parent)
+    assert main(["weigh", study.name, "--out", "."]) == 130
+    assert main(["weigh", study.name, "--out", "other"]) == 130
+    assert asked == [study.parent.parent / f".{study.parent.name}.settings", study.parent / ".other.settings"]
 
 
 def test_a_study_without_anything_to_estimate_from_is_bad_input(study, capsys):
