@@ -101,6 +101,7 @@ def _setting(o: Outcome) -> dict[str, Any]:
         "fit": {name: {"rms": rms, "balance": balance} for name, (rms, balance) in o.misfit.items()},
         "residuals": {name: {"rms": rms, "balance": balance} for name, (rms, balance) in o.force.items()},
         "parameters": {name: {"value": value, "std": std} for name, (value, std) in o.parameters.items()},
+        "marginal": o.arrived,
         "log_evidence": o.log_likelihood,
         "held_out": o.held_out,
         "condition": o.condition,

@@ -49,7 +49,8 @@ class Outcome:
     output -> rms of measured less modelled, place -> rms of the residual force away from rest, each with the balance of its rows: the root
     of their squares over what the weight supposes of them, 1 where the two agree.
     log_likelihood: of the fitted recordings, held_out: of the others, each but for a constant of the mesh; NaN where it is none.
-    condition: of the KKT matrix.
+    condition: of the KKT matrix. arrived: whether the parameters are those of most marginal likelihood; where steps to them led nowhere
+    they are the most probable ones together with a trajectory.
     """
 
     setting: Setting
@@ -65,6 +66,7 @@ class Outcome:
     log_likelihood: float = float("nan")
     held_out: float = float("nan")
     condition: float = float("nan")
+    arrived: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +105,8 @@ class Stand:
         }
         if not solved.status.converged or solution.curvature is None:
             return Outcome(converged=False, **common)
-        told = marginal(turned.program, solution, lambda _: None).solution
+        moved = marginal(turned.program, solution, lambda _: None)
+        told = moved.solution
         likelihood = Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
         return Outcome(
             converged=True,
@@ -114,6 +117,7 @@ class Stand:
             log_likelihood=likelihood.value,
             held_out=self.score(theta, told),
             condition=gauss_newton(solution).condition,
+            arrived=moved.arrived,
             **common,
         )
 

@@ -24,13 +24,13 @@ from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.smoother import smooth
-from ..wording import listed
 from ..workers import as_finished, at_hand, workers
 from .components import Component, Found
 from .estimated import Estimated, components, estimated, own_noises
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import ALONE, settings
+from .recommendation import FIRST, GIVEN, LIKELIHOOD, RULE, alike, likeliest, recommended
 from .setting import Outcome, Setting, Stand, solve, values_of
 from .store import Store
 from .turned import Mask, Turned, turned
@@ -38,16 +38,6 @@ from .words import words
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
-
-TIED = 3.0  # log likelihood of what was held out: less makes no difference
-LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
-JUDGED = "what was held out is more probable with them (log likelihood ratio)"
-THOSE = {
-    LIKELIHOOD: "the weights of greatest likelihood",
-    GIVEN: "the weights as given",
-    RULE: "those of the rule of magnitudes",
-    FIRST: "those that smooth chooses by itself",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +47,10 @@ class Weighing:
     recommended: the problem smoothed with the weights that it recommends, which are `recommended.weights`; chosen: the setting that they
     come from; why: a sentence.
     components: weight -> what the data tell of it. moves: weight -> parameter -> by how many of its stds it lies elsewhere with a tenth and
-    with ten times the weight's std, as solved; NaN where that did not converge. slopes: the same to first order, for an e-fold std, of the
-    parameters most probable together with a trajectory; state_slopes: of every state, the rms over time. outcomes: of all settings.
-    forces: place -> rms of the largest force there. arrived: whether the search for the greatest likelihood did. notes: what the study
-    says in words.
+    with ten times the weight's std, as solved; NaN where that did not converge, or to parameters of another kind. slopes: the same to first
+    order, for an e-fold std, of the parameters most probable together with a trajectory; state_slopes: of every state, the rms over time.
+    outcomes: of all settings. forces: place -> rms of the largest force there. arrived: whether the search for the greatest likelihood did.
+    notes: what the study says in words.
     """
 
     recommended: Smoothing
@@ -89,7 +79,7 @@ def weigh(
     """Study the weights of a problem.
 
     jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished settings stay, so that an
-    interrupted study goes on. Raises InputError where the problem cannot be smoothed at all.
+    interrupted study goes on. Raises InputError where the problem cannot be smoothed at all, or with none of the candidates.
     """
     say = progress or (lambda _: None)
     ahead = at_hand(jobs, scheduler)
@@ -112,12 +102,12 @@ def weigh(
             return _at(told.whole, knobs, np.array(setting.theta))
 
         # most often those are recommended: with several workers this goes beside the settings
-        likeliest = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
-        begun = None if ahead == 1 else pool.submit(smooth, with_weights(likeliest))
+        leading = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
+        begun = None if ahead == 1 else pool.submit(smooth, with_weights(leading))
         outcomes = _solved(stand, chains, pool, ahead, keep, say)
-        chosen, why = _recommended(outcomes)
+        chosen, why = recommended(outcomes, held_out=any(r.role == "held_out" for r in recordings))
         say("smoothing with the recommended weights")
-        ready = begun if chosen.setting == likeliest else None
+        ready = begun if chosen.setting == leading else None
         result = smooth(with_weights(chosen.setting), progress=say) if ready is None else ready.result()
     slopes, state_slopes = _slopes(knobs, best)
     found = Weighing(
@@ -193,26 +183,11 @@ def _quick(noise: Mask, chain: list[Setting]) -> tuple[bool, int, float]:
     return chain[0].group != "candidate", -len(chain), min(float(np.min(np.array(s.theta)[noise], initial=np.inf)) for s in chain)
 
 
-def _recommended(outcomes: list[Outcome]) -> tuple[Outcome, str]:
-    """The candidate that what was held out speaks for, and why."""
-    candidates = [o for o in outcomes if o.setting.group == "candidate" and o.converged]
-    best = next((o for o in candidates if o.setting.name == LIKELIHOOD), None)
-    judged = [o for o in candidates if np.isfinite(o.held_out)]
-    if best is None or not judged or not np.isfinite(best.held_out):
-        chosen = best or max(candidates, key=lambda o: o.log_likelihood)
-        return chosen, f"Recommended: {THOSE[chosen.setting.name]}; nothing that was held out could judge them."
-    first = max(judged, key=lambda o: o.held_out)
-    ahead = first.held_out - best.held_out
-    if ahead > TIED:
-        why = f"{JUDGED} than with {THOSE[LIKELIHOOD]} ({ahead:.0f})"
-        return first, f"Recommended: {THOSE[first.setting.name]}; {why}."
-    others = [f"{THOSE[o.setting.name]} ({best.held_out - o.held_out:.0f})" for o in judged if best.held_out - o.held_out > TIED]
-    ahead_of = f"; {JUDGED} than with {listed(others)}" if others else ""
-    return best, f"Recommended: {THOSE[LIKELIHOOD]}{ahead_of}."
-
-
 def _of_the_fit(found: Weighing) -> list[str]:
-    """What smoothing with the recommended weights says, but for these, of which the study itself speaks, and for forces that are none."""
+    """What smoothing with the recommended weights says, but for these, and for forces that the data do not tell from none.
+
+    Of both the study itself speaks.
+    """
     none = [label.removeprefix("W of ") for label, c in found.components.items() if label.startswith("W of ") and c.may_be_none]
     none = none if found.chosen == LIKELIHOOD else []
     told = tuple(f"{label}: std" for label in found.components) + tuple(f"residual.{place} " for place in none)
@@ -222,7 +197,7 @@ def _of_the_fit(found: Weighing) -> list[str]:
 def _moves(outcomes: Sequence[Outcome]) -> dict[str, dict[str, tuple[float, float]]]:
     """Of every weight that is turned by itself, against the setting of greatest likelihood."""
     found: dict[str, dict[str, tuple[float, float]]] = {}
-    best = next((o for o in outcomes if o.setting.name == LIKELIHOOD and o.converged), None)
+    best = likeliest(outcomes)
     alone = {(o.setting.varied, o.setting.factor): o for o in outcomes if o.setting.group == "weight"}
     if best is None:
         return found
@@ -230,7 +205,7 @@ def _moves(outcomes: Sequence[Outcome]) -> dict[str, dict[str, tuple[float, floa
         ends = [alone[label, factor] for factor in (min(ALONE), max(ALONE))]
         found[label] = {}
         for name, (value, std) in best.parameters.items():
-            there = np.array([o.parameters.get(name, (np.nan, np.nan))[0] if o.converged else np.nan for o in ends])
+            there = np.array([o.parameters.get(name, (np.nan, np.nan))[0] if alike(o, best) else np.nan for o in ends])
             tenth, tenfold = ((there - value) / std if 0 < std < np.inf else np.full(2, np.nan)).tolist()
             found[label][name] = float(tenth), float(tenfold)
     return found
