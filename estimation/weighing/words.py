@@ -8,8 +8,10 @@ import numpy as np
 
 from ..wording import listed
 from .plan import ALONE
+from .recommendation import RULE, alike, likeliest
 
 if TYPE_CHECKING:
+    from .components import Component
     from .weigh import Weighing
 
 FELT = 0.1  # of a parameter's std: a weight that moves none by as much, a tenth or tenfold, hardly matters
@@ -17,26 +19,26 @@ MOVING = 1.0  # and one that moves some by as much decides about it
 TOLD = 0.35  # std of a logarithm above which a weight is hardly told: a factor of two either way
 TWINS = 0.9  # correlation of two weights of which one can stand for the other
 LARGE, SMALL = 0.05, 0.01  # of the forces at a place: what a balance leaves over
-LOST = 1e3  # a setting's condition number over the recommended one's
+LOST = 1e3  # the largest condition number of all settings over the one in their middle
 DIGITS = 16.0  # of a number
 
 
 def words(found: Weighing) -> tuple[str, ...]:
     """Sentences, the most important ones first."""
     lost = () if found.arrived else ("The search for the weights of greatest likelihood went no further: they have no intervals.",)
-    return (found.why, *lost, *_equations(found), *_weights(found), *_moving(found), *_conditioning(found))
+    return (found.why, *lost, *_equations(found), *_weights(found), *_moving(found), *_kinds(found), *_conditioning(found))
 
 
 def _equations(found: Weighing) -> list[str]:
     out = []
     for place, (rms, _) in found.best.force.items():
         size, component = found.forces.get(place), found.components.get(f"W of {place}")
-        if size is None or component is None:
+        if component is not None and component.may_be_none:
+            out.append(_doubtful(found, place, component))
+        if size is None or component is None or component.may_be_none:
             continue
         share = rms / size
-        if component.may_be_none:
-            out.append(f"{place}: its balance holds as it stands; no residual force is asked for (p = {component.p_zero:.2g} without it).")
-        elif share > LARGE:
+        if share > LARGE:
             out.append(f"{place}: the data cannot satisfy its balance: {100 * share:.0f} % of its forces are left over.")
         elif share < SMALL:
             known = component.p_zero is not None and np.isfinite(component.p_zero)
@@ -45,6 +47,24 @@ def _equations(found: Weighing) -> list[str]:
         else:
             out.append(f"{place}: its balance leaves {100 * share:.1f} % of its forces over.")
     return out
+
+
+def _doubtful(found: Weighing, place: str, component: Component) -> str:
+    """Of a force that the data do not tell from none, how large it may be: beside what the rule of magnitudes makes of the forces there."""
+    most, chance = component.interval[1], f"p = {component.p_zero:.2g} without it"
+    rule = next((o.weights.get(f"W of {place}", np.nan) for o in found.outcomes if o.setting.name == RULE), np.nan)
+    share = most / rule if place in found.forces and rule > 0 else np.nan
+    untold = f"{place}: the data do not tell a residual force from none ({chance})"
+    if not np.isfinite(most):
+        return f"{untold}, nor how large it is at most."
+    limit = f"is at most {most:.2g} {component.unit} at 95 %"
+    if not np.isfinite(share):
+        return f"{untold}; its std {limit}."
+    over = "" if place in found.problem.weights.tau else "over a sampling interval "
+    limit = f"{limit}, {over}{100 * share:.2g} % of the rms of the largest force there"
+    if share < SMALL:
+        return f"{place}: its balance holds as it stands: the std of a residual force {limit} ({chance})."
+    return f"{untold}; its std {limit}."
 
 
 def _weights(found: Weighing) -> list[str]:
@@ -61,7 +81,8 @@ def _weights(found: Weighing) -> list[str]:
 
 def _moving(found: Weighing) -> list[str]:
     quiet, out = list[str](), list[str]()
-    solved = {(o.setting.varied, o.setting.factor) for o in found.outcomes if o.converged}
+    best = likeliest(found.outcomes)
+    solved = {(o.setting.varied, o.setting.factor) for o in found.outcomes if best is not None and alike(o, best)}
     for label, moves in found.moves.items():
         ends = [(abs(move), name, word) for name, pair in moves.items() for move, word in zip(pair, ("a tenth", "ten times"), strict=True)]
         told = [end for end in ends if np.isfinite(end[0])]  # what is undetermined or on its bound moves by no share of its deviation
@@ -72,6 +93,17 @@ def _moving(found: Weighing) -> list[str]:
             out.append(f"{label} decides about {most}: with {word} its std it moves by {size:.1f} of its own.")
     still = f"Hardly a matter: {listed(quiet)}; with a tenth or ten times the std no parameter moves by {FELT:g} of its own."
     return [still, *out] if quiet else out
+
+
+def _kinds(found: Weighing) -> list[str]:
+    """Settings whose parameters cannot be compared with those of greatest likelihood, about which all are turned."""
+    best = likeliest(found.outcomes)
+    others = [o.setting.name for o in found.outcomes if best is not None and o.converged and not alike(o, best)]
+    if best is None or not others:
+        return []
+    one, other = "those of most marginal likelihood", "those most probable together with a trajectory"
+    here, there = (one, other) if best.arrived else (other, one)
+    return [f"With {listed(others)} parameters are {there}, with the weights of greatest likelihood {here}: they do not compare."]
 
 
 def _conditioning(found: Weighing) -> list[str]:
