@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..weighing.recommendation import LIKELIHOOD, likeliest
 from .chart import COLOURS, Chart, Curve, Panel, columns, heat_map, stack
 from .document import document, drawn, save
 from .quantities import NOTHING, number, pretty, quantity
@@ -51,18 +52,21 @@ def trade_off_chart(found: Weighing) -> Chart | None:
     path = _path(found)
     if len(path) < 2:
         return None
-    x, y = np.array([_size(found, o) for o in path]).T
-    at = [o.setting.group == "candidate" for o in path]
-    curves = [
-        Curve(name="all W turned together", x=x, y=y, colour=COLOURS["smoothed"], look="joined"),
-        Curve(name="recommended", x=x[at], y=y[at], colour=COLOURS["residual"], look="joined"),
-    ]
+    points = [("all W turned together", path, "smoothed"), ("recommended", [found.best], "residual")]
+    through = likeliest(found.outcomes)
+    if through is not None and through is not found.best:
+        points.append((LIKELIHOOD, [through], "input"))
+    curves = []
+    for name, outcomes, colour in points:
+        x, y = np.array([_size(found, o) for o in outcomes]).T
+        curves.append(Curve(name=name, x=x, y=y, colour=COLOURS[colour], look="joined"))
     panel = Panel(
         curves=curves, y="log10 residual force / recommended W", y_unit="", x="log10 misfit / recommended V", x_unit="", height=300
     )
     caption = (
         "L-curve. To the right the residual forces are held down and the readings pay for it; to the left the forces follow the readings' "
-        "noise. Both are means over places and outputs, each over what its recommended weight says."
+        "noise. The curve leads through the weights of greatest likelihood. Both are means over places and outputs, each over what its "
+        "recommended weight says."
     )
     return columns([panel], caption=caption, label="trade_off")
 
@@ -100,10 +104,10 @@ def balance_chart(found: Weighing) -> Chart | None:
 
 
 def _path(found: Weighing) -> list[Outcome]:
-    """The settings of the trade-off in order, with the one that they lead through."""
-    through = [o for o in found.outcomes if o.setting.group == "candidate"][:1]
-    path = [*through, *(o for o in found.outcomes if o.setting.group == "trade-off")]
-    return sorted((o for o in path if o.converged), key=lambda o: o.setting.factor)
+    """The settings of the trade-off in order, with that of greatest likelihood, which they lead through."""
+    through = likeliest(found.outcomes)
+    path = [o for o in found.outcomes if o is through or (o.setting.group == "trade-off" and o.converged)]
+    return sorted(path, key=lambda o: o.setting.factor)
 
 
 def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:
