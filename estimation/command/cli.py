@@ -189,7 +189,7 @@ def track(
 def weigh(
     study: StudyArgument,
     out: Out = None,
-    jobs: Jobs = 1,
+    jobs: AllJobs = None,
     scheduler: Scheduler = None,
     verbose: Verbose = False,
     quiet: Quiet = False,
@@ -198,7 +198,7 @@ def weigh(
     """Study the weighting matrices: which W and V the data want, and what hangs on them."""
     from .commands import Options, run_weigh
 
-    return run_weigh(study, Options(out=out, jobs=jobs, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+    return run_weigh(study, Options(out=out, jobs=_all_of(jobs), scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
 
 
 @app.command()
@@ -214,9 +214,12 @@ def diagnose(
     """Find what the model leaves out: where it is, what it is, how sure that is, and what could not have been seen."""
     from .commands import Options, run_diagnose
 
-    return run_diagnose(
-        study, Options(out=out, jobs=jobs or os.cpu_count() or 1, scheduler=scheduler, verbose=verbose, quiet=quiet, json=json)
-    )
+    return run_diagnose(study, Options(out=out, jobs=_all_of(jobs), scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+
+
+def _all_of(jobs: int | None) -> int:
+    """Processes that were asked for, without a number one for every processor."""
+    return (os.cpu_count() or 1) if jobs is None else jobs
 
 
 def _report(error: Exception) -> int:

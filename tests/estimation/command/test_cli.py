@@ -343,6 +343,8 @@ def test_an_unknown_model_is_bad_input(tmp_path, capsys):
         (["smoothen", "study.toml"], "smoothen"),
         (["smooth"], "STUDY"),
         (["smooth", "study.toml", "--jobs", "0"], "--jobs 0"),
+        (["weigh", "study.toml", "--jobs", "0"], "--jobs 0"),
+        (["diagnose", "study.toml", "--jobs", "0"], "--jobs 0"),
         (["smooth", "study.toml", "--jobs", "many"], "--jobs"),
         (["smooth", "study.toml", "--out", "record.csv"], "--out record.csv"),
         (["smooth", "study.toml", "--out", "record.csv/inside"], "record.csv is a file"),

@@ -23,6 +23,7 @@ from backsight.estimation import Problem
 from backsight.estimation import weighing as package
 from backsight.estimation.command import commands
 from backsight.estimation.command.cli import main
+from backsight.models.errors import InputError
 
 STUDY = (
     MACHINE
@@ -71,6 +72,20 @@ def test_the_study_is_written_with_its_settings_and_its_recommendation(study, ca
     assert "L-curve" in page
     assert "heatmap" in page
     assert not (study.parent / ".axis_weighed.settings").exists()
+
+
+@pytest.mark.parametrize(("words", "jobs"), [([], os.cpu_count()), (["--jobs", "3"], 3)])
+def test_without_a_number_there_is_a_process_for_every_processor(study, monkeypatch, words, jobs):
+    asked = {}
+
+    def stop(_: object, **arguments: object) -> None:
+        asked.update(arguments)
+        raise InputError("that will do")
+
+    monkeypatch.setattr(package, "weigh", stop)
+    assert main(["weigh", str(study), "--out", str(study.parent / "unwritten"), *words]) == 2
+    assert asked["jobs"] == jobs
+    assert asked["scheduler"] is None
 
 
 @pytest.mark.slow
