@@ -29,7 +29,7 @@ from .components import Component, Found
 from .estimated import Estimated, components, estimated, own_noises
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
-from .plan import ALONE, settings
+from .plan import ALONE, once, settings
 from .recommendation import FIRST, GIVEN, LIKELIHOOD, RULE, alike, likeliest, recommended
 from .setting import Outcome, Setting, Stand, solve, values_of
 from .store import Store
@@ -163,19 +163,19 @@ def _held_out(told: Estimated, say: Progress | None) -> Turned | None:
 
 
 def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:
-    """All settings, those that were kept and the others side by side, so many chains at once."""
-    blob, wanted = pickle.dumps(stand), list(chain.from_iterable(chains))
-    store = Store(keep, stand.identity)
-    found: dict[str, Outcome] = {s.name: kept for s in wanted if (kept := store.get(s)) is not None}
-    left = [c for c in chains if any(s.name not in found for s in c)]  # whole: what a chain gives hangs on where it came from
+    """All settings, those that were kept and the others side by side, so many chains at once; those of one theta are solved once."""
+    blob, wanted, apart = pickle.dumps(stand), list(chain.from_iterable(chains)), once(chains)
+    store, number = Store(keep, stand.identity), sum(len(c) for c in apart)
+    found = {s.theta: kept for s in chain.from_iterable(apart) if (kept := store.get(s)) is not None}
+    left = [c for c in apart if any(s.theta not in found for s in c)]  # whole: what a chain gives hangs on where it came from
     left.sort(key=partial(_quick, stand.fitted.noise))
-    say(f"setting {len(found)} of {len(wanted)}")
+    say(f"setting {len(found)} of {number}")
     for _, outcomes in as_finished(pool, enumerate(partial(solve, blob, c) for c in left), ahead):
         for outcome in outcomes:
             store.put(outcome)
-            found[outcome.setting.name] = outcome
-            say(f"setting {len(found)} of {len(wanted)}")
-    return [found[s.name] for s in wanted]
+            found[outcome.setting.theta] = outcome
+            say(f"setting {len(found)} of {number}")
+    return [replace(found[s.theta], setting=s) for s in wanted]
 
 
 def _quick(noise: Mask, chain: list[Setting]) -> tuple[bool, int, float]:
