@@ -45,10 +45,13 @@ def test_the_plant_of_the_readme_compiles():
 
 @in_a_checkout
 def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis():
-    names: dict[str, object] = {}
-    exec(compile(examples(ESTIMATION / "weighing" / "README.md")[0], "README.md", "exec"), names)
-    low, high = names["study"].components["V of x"].interval  # type: ignore[attr-defined]
+    names: dict[str, Any] = {}
+    for example in examples(ESTIMATION / "weighing" / "README.md"):
+        exec(compile(example, "README.md", "exec"), names)
+    low, high = names["study"].components["V of x"].interval
     assert low / 1.1 < 1e-6 < 1.1 * high
+    assert [figure.data[0].type for figure in names["figures"]] == ["scatter", "heatmap", "scatter"]
+    assert names["parameter_chart"](names["study"], "stage") is None
 
 
 @pytest.mark.slow

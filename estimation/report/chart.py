@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .decimation import packed, packed_time
+from .decimation import packed, packed_time, unpacked
 from .quantities import scaled
 
 __all__ = ["COLOURS", "Chart", "Curve", "Panel", "columns", "heat_map", "stack"]
@@ -64,6 +64,12 @@ class Chart:
     caption: str
     group: str = ""
     label: str = field(default="chart")
+
+    def figure(self) -> Any:
+        """The same as a figure of plotly, to be shown, changed or written to a file."""
+        from plotly.graph_objects import Figure
+
+        return Figure(data=unpacked(self.data), layout=self.layout)
 
 
 def stack(panels: Sequence[Panel], *, caption: str, label: str, group: str = "", x_range: tuple[float, float] | None = None) -> Chart:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["envelope", "packed", "packed_time", "spread"]
+__all__ = ["envelope", "packed", "packed_time", "spread", "unpacked"]
 
 Array = np.ndarray
 
@@ -53,3 +53,12 @@ def packed_time(time: Array, of: Array | None = None) -> dict[str, Any]:
     if np.abs(time).max(initial=0.0) * 6e-8 < 0.02 * abs(step):
         return packed(time)
     return {"dtype": "f8", "bdata": base64.b64encode(np.ascontiguousarray(time, dtype="<f8").tobytes()).decode("ascii")}
+
+
+def unpacked(drawing: Any) -> Any:
+    """What is drawn, of dictionaries and lists, with its packed arrays as arrays (n,) again."""
+    if isinstance(drawing, dict):
+        if drawing.keys() == {"dtype", "bdata"}:
+            return np.frombuffer(base64.b64decode(drawing["bdata"]), dtype=f"<{drawing['dtype']}")
+        return {key: unpacked(value) for key, value in drawing.items()}
+    return [unpacked(value) for value in drawing] if isinstance(drawing, list) else drawing

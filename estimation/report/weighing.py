@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -21,6 +21,15 @@ __all__ = ["balance_chart", "parameter_chart", "trade_off_chart", "write_weighin
 
 BAND = 1.96  # 95 % of a normal distribution
 DECADE = 1.0  # of a balance: colours end there
+Along = Literal["trade-off", "stage"]
+TURNED: dict[Along, str] = {"trade-off": "all W", "stage": "what holds the parameters"}
+PATHS: dict[Along, str] = {
+    "trade-off": "Parameters while all W are turned together, with their 95 % bands.",
+    "stage": (
+        "Parameters while all that holds them, drift and priors, is tightened by stages, from weak on the right to tight on the left, each "
+        "solved from where the one before arrived; with their 95 % bands."
+    ),
+}
 
 
 def write_weighing_report(found: Weighing, path: str | Path) -> None:
@@ -31,6 +40,7 @@ def write_weighing_report(found: Weighing, path: str | Path) -> None:
         ("found", "What the study found", f"<ul class=notes>{notes}</ul>"),
         ("weights", "Weights", _weights(found)),
         ("trade-off", "Residual forces against readings", drawn(trade_off_chart(found)) + drawn(parameter_chart(found))),
+        ("stages", "Parameters held ever more tightly", drawn(parameter_chart(found, "stage"))),
         ("balance", "Residual balance", drawn(balance_chart(found))),
         ("influence", "What every weight does to the parameters", _moves(found)),
         ("parameters", "Parameters with the recommended weights", parameter_table(result)),
@@ -71,9 +81,12 @@ def trade_off_chart(found: Weighing) -> Chart | None:
     return columns([panel], caption=caption, label="trade_off")
 
 
-def parameter_chart(found: Weighing) -> Chart | None:
-    """Every estimated parameter with its 95 % band while all W are turned together."""
-    path = _path(found)
+def parameter_chart(found: Weighing, group: Along = "trade-off") -> Chart | None:
+    """Every estimated parameter with its 95 % band along a path of settings; None where there is no such path.
+
+    group: "trade-off", all W turned together; "stage", all that holds the parameters, from weak to tight.
+    """
+    path, what = _path(found, group), TURNED[group]
     if len(path) < 2 or not path[0].parameters:
         return None
     factor = np.log10([o.setting.factor for o in path])
@@ -82,8 +95,8 @@ def parameter_chart(found: Weighing) -> Chart | None:
     for name in path[0].parameters:
         value, std = np.array([o.parameters[name] for o in path]).T
         curve = Curve(name=name, x=factor, y=value, colour=COLOURS["smoothed"], look="joined", band=BAND * std, legend=False)
-        panels.append(Panel(curves=[curve], y=name, y_unit=units.get(name, ""), x="log10 factor on all W", x_unit="", height=130))
-    return stack(panels, caption="Parameters while all W are turned together, with their 95 % bands.", label="parameter_paths")
+        panels.append(Panel(curves=[curve], y=name, y_unit=units.get(name, ""), x=f"log10 factor on {what}", x_unit="", height=130))
+    return stack(panels, caption=PATHS[group], label="parameter_paths" if group == "trade-off" else f"parameter_paths_{group}")
 
 
 def balance_chart(found: Weighing) -> Chart | None:
@@ -103,11 +116,10 @@ def balance_chart(found: Weighing) -> Chart | None:
     return heat_map(shown, labels, names, caption=caption, label="balance", most=DECADE)
 
 
-def _path(found: Weighing) -> list[Outcome]:
-    """The settings of the trade-off in order, with that of greatest likelihood, which they lead through."""
-    through = likeliest(found.outcomes)
-    path = [o for o in found.outcomes if o is through or (o.setting.group == "trade-off" and o.converged)]
-    return sorted(path, key=lambda o: o.setting.factor)
+def _path(found: Weighing, group: Along = "trade-off") -> list[Outcome]:
+    """The settings of a path in order, with that of greatest likelihood, which it leads through; none where there is no such path."""
+    through, path = likeliest(found.outcomes), [o for o in found.outcomes if o.setting.group == group]
+    return sorted((o for o in (through, *path) if o is not None and o.converged), key=lambda o: o.setting.factor) if path else []
 
 
 def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:

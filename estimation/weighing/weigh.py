@@ -33,6 +33,7 @@ from .plan import ALONE, once, settings
 from .recommendation import FIRST, GIVEN, LIKELIHOOD, RULE, alike, likeliest, recommended
 from .setting import Outcome, Setting, Stand, solve, values_of
 from .store import Store
+from .tightening import tightened
 from .turned import Mask, Turned, turned
 from .words import words
 
@@ -128,7 +129,7 @@ def weigh(
     outliers = (
         [f"{knobs.outliers} samples that lie far off are left out of the study, the same ones at all weights."] if knobs.outliers else []
     )
-    return replace(found, notes=(*([split] if split else []), *words(found), *outliers, *_of_the_fit(found)))
+    return replace(found, notes=(*([split] if split else []), *words(found), *tightened(found), *outliers, *_of_the_fit(found)))
 
 
 def _at(problem: Problem, knobs: Turned, theta: Array) -> Problem:

@@ -5,7 +5,7 @@ import base64
 import numpy as np
 import pytest
 
-from backsight.estimation.report.decimation import envelope, packed, packed_time, spread
+from backsight.estimation.report.decimation import envelope, packed, packed_time, spread, unpacked
 
 
 @pytest.mark.parametrize(("n", "points"), [(1000, 100), (10_007, 64), (250_000, 4000), (101, 100)])
@@ -54,3 +54,12 @@ def test_a_clock_far_from_zero_keeps_its_samples_apart() -> None:
     stored = packed_time(far)
     assert stored["dtype"] == "f8"
     assert np.array_equal(np.frombuffer(base64.b64decode(stored["bdata"]), dtype="<f8"), far)
+
+
+def test_what_was_packed_comes_out_wherever_it_lies() -> None:
+    values = np.array([1.5, np.nan, -2.0])
+    drawing = [{"y": packed(values), "error_y": {"array": packed_time(values)}, "name": "x", "z": [[None, 1.0]]}]
+    (trace,) = unpacked(drawing)
+    assert np.array_equal(trace["y"], values, equal_nan=True)
+    assert np.array_equal(trace["error_y"]["array"], values, equal_nan=True)
+    assert (trace["name"], trace["z"]) == ("x", [[None, 1.0]])

@@ -7,6 +7,7 @@ import os
 import signal
 import warnings
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from shaken import FORCE_STD, PLANT, STD, TRUE, driven, simulated
 from backsight.estimation import Free, Problem, Recording, Weighing, Weights, weigh
 from backsight.estimation.command.output import json_text
 from backsight.estimation.command.result_json import result_of_weighing
+from backsight.estimation.report import parameter_chart, write_weighing_report
 from backsight.estimation.weighing.store import Store
+from backsight.estimation.weighing.tightening import stages, tightened
 from backsight.estimation.weighing.words import words
 
 
@@ -206,3 +209,34 @@ def test_noise_that_each_recording_has_of_its_own_stays_so():
     best = study.best
     assert given.weights["V of x"] == pytest.approx(best.weights["V of x"] * 3 * STD / V["x [fine]"], rel=1e-6)
     assert given.held_out < best.held_out
+
+
+def test_what_holds_the_parameters_is_tightened_in_words_and_as_a_path(tmp_path):
+    """A prior far off, with room or without: between the two the spring goes from where the data have it to where the prior has."""
+    study = weigh(replace(problem(), parameters=TRUE | {"spring.k": Free(60.0, std=1.0), "damper.d": Free(1.0)}))
+    weak, *_, tight = path = stages(study)
+    assert [o.setting.factor for o in path] == [100.0, 10.0, 0.1, 0.01]
+    assert weak.parameters["spring.k"][0] == pytest.approx(TRUE["spring.k"], rel=0.05)
+    assert tight.parameters["spring.k"][0] == pytest.approx(60.0, abs=0.1)
+    assert tight.parameters["spring.k"][1] == pytest.approx(0.01, rel=0.1)
+    (said,) = [note for note in study.notes if note.startswith("prior of the parameters, tightened from 100 to 0.01 times the std:")]
+    moved = (60.0 - weak.parameters["spring.k"][0]) / study.best.parameters["spring.k"][1]
+    assert f"spring.k moves by {moved:.2g} of its deviations" in said or f"spring.k by {moved:.2g}" in said
+    still = replace(study, outcomes=tuple(replace(o, parameters=weak.parameters) if o in path else o for o in study.outcomes))
+    assert tightened(still)[0].endswith("no parameter moves by 0.1 of its deviation.")
+    chart = parameter_chart(study, "stage")
+    assert chart is not None
+    spring = chart.figure().data[1]
+    assert spring.x == pytest.approx([-2.0, -1.0, 0.0, 1.0, 2.0])
+    assert spring.y[0] == pytest.approx(tight.parameters["spring.k"][0], rel=1e-6)
+    assert spring.y[2] == pytest.approx(study.best.parameters["spring.k"][0], rel=1e-6)
+    write_weighing_report(study, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert all(f'data-chart="{label}"' in page for label in ("parameter_paths", "parameter_paths_stage"))
+    assert escape(said) in page
+
+
+def test_where_nothing_holds_the_parameters_nothing_is_said_of_it(found):
+    assert tightened(found) == []
+    assert parameter_chart(found, "stage") is None
+    assert not any("tightened" in note for note in found.notes)
