@@ -50,7 +50,7 @@ def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis(
         exec(compile(example, "README.md", "exec"), names)
     low, high = names["study"].components["V of x"].interval
     assert low / 1.1 < 1e-6 < 1.1 * high
-    assert [figure.data[0].type for figure in names["figures"]] == ["scatter", "heatmap", "scatter"]
+    assert [figure.data[0].type for figure in names["figures"]] == ["scatter", "heatmap", "scatter", "heatmap"]
     assert names["parameter_chart"](names["study"], "stage") is None
 
 

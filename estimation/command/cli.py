@@ -49,6 +49,14 @@ Profiles = Annotated[
     list[str] | None,
     typer.Option("--profile", metavar="NAME", help="Profile likelihood of this parameter, with its 95 % interval; may be repeated."),
 ]
+Varied = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary",
+        metavar="LABEL=FACTORS",
+        help='Solve with these factors on the std of a weight too: "W of carriage=0.1,1,10"; repeated, with all combinations.',
+    ),
+]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
 AllJobs = Annotated[
     int | None, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work [default: one for every processor].")
@@ -188,6 +196,7 @@ def track(
 @app.command()
 def weigh(
     study: StudyArgument,
+    vary: Varied = None,
     out: Out = None,
     jobs: AllJobs = None,
     scheduler: Scheduler = None,
@@ -197,8 +206,10 @@ def weigh(
 ) -> int:
     """Study the weighting matrices: which W and V the data want, and what hangs on them."""
     from .commands import Options, run_weigh
+    from .vary import varied
 
-    return run_weigh(study, Options(out=out, jobs=_all_of(jobs), scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+    options = Options(out=out, jobs=_all_of(jobs), scheduler=scheduler, verbose=verbose, quiet=quiet, json=json)
+    return run_weigh(study, options, varied(vary or ()))
 
 
 @app.command()

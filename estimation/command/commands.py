@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -110,8 +110,11 @@ def run_track(path: Path, options: Options, iterations: int, *, jit: bool = True
     return DONE
 
 
-def run_weigh(path: Path, options: Options) -> int:
-    """Study the weights of a study. Finished settings stay in a hidden folder beside the results until these are written."""
+def run_weigh(path: Path, options: Options, vary: Mapping[str, Sequence[float]] | None = None) -> int:
+    """Study the weights of a study, and turn those that are to `vary`, label -> factors.
+
+    Finished settings stay in a hidden folder beside the results until these are written.
+    """
     from ..report import write_weighing_report
     from ..weighing import weigh
 
@@ -121,7 +124,7 @@ def run_weigh(path: Path, options: Options) -> int:
     with results_folder(out) as folder, _progress(options) as say:
         say("reading the study")
         kept(keep)
-        found = weigh(study.problem(), jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
+        found = weigh(study.problem(), vary=vary, jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
         say("writing the report")
         result = result_of_weighing(found)
         write_result(result, folder / "result.json")

@@ -74,7 +74,7 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
             low, high = component.interval
             weights[kind][name] |= {"from_data": component.std, "interval": [low, high], "p_zero": component.p_zero}
     return result_of_smoothing(found.recommended, command="weigh") | {
-        "study": [_setting(o) for o in found.outcomes],
+        "study": [_setting(o) | _factors(found, o) for o in found.outcomes],
         "recommended": {**weights, "setting": found.chosen, "why": found.why},
         "influence": {
             label: {
@@ -106,6 +106,14 @@ def _setting(o: Outcome) -> dict[str, Any]:
         "held_out": o.held_out,
         "condition": o.condition,
     }
+
+
+def _factors(found: Weighing, o: Outcome) -> dict[str, Any]:
+    """Of a setting that the user chose, the factor on the std of every weight that is turned."""
+    from ..weighing.chosen import grid
+
+    factors = grid(found.varied).get(o.setting.name)
+    return {} if factors is None else {"factors": dict(zip(found.varied, factors, strict=True))}
 
 
 def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:

@@ -5,9 +5,11 @@ from .page import write_report
 from .simulation import write_simulation_report
 from .tracking import write_tracking_report
 from .weighing import balance_chart, parameter_chart, trade_off_chart, write_weighing_report
+from .weight_grid import grid_chart
 
 __all__ = [
     "balance_chart",
+    "grid_chart",
     "parameter_chart",
     "trade_off_chart",
     "write_diagnosis_report",

@@ -120,8 +120,13 @@ def columns(panels: Sequence[Panel], *, caption: str, label: str) -> Chart:
     return Chart(data=data, layout=layout, height=height + _MARGIN["t"] + _MARGIN["b"], caption=caption, label=label)
 
 
-def heat_map(values: np.ndarray, columns: Sequence[str], rows: Sequence[str], *, caption: str, label: str, most: float) -> Chart:
-    """Values (rows, columns) as colours from -most, blue, by zero, pale, to most, red; NaN is left empty."""
+def heat_map(
+    values: np.ndarray, columns: Sequence[str], rows: Sequence[str], *, caption: str, label: str, most: float, numbers: bool = False
+) -> Chart:
+    """Values (rows, columns) as colours from -most, blue, by zero, pale, to most, red; NaN is left empty.
+
+    numbers: they stand in their fields too, also those beyond the colours.
+    """
     height = 24 * len(rows) + 40
     shown = np.clip(values, -most, most)
     trace: Trace = {
@@ -137,11 +142,14 @@ def heat_map(values: np.ndarray, columns: Sequence[str], rows: Sequence[str], *,
         "hovertemplate": "%{y}, %{x}: %{z}<extra></extra>",
         "colorbar": {"thickness": 12, "outlinewidth": 0},
     }
+    if numbers:
+        trace["text"] = [[f"{v:.3g}" if np.isfinite(v) else "" for v in row] for row in values]
+        trace |= {"texttemplate": "%{text}", "textfont": {"color": "#222"}, "hovertemplate": "%{y}, %{x}: %{text}<extra></extra>"}
     layout = _layout(height)
     layout["margin"] = {**_MARGIN, "l": 150, "b": 150}
     layout["height"] = height + _MARGIN["t"] + 150
     layout["xaxis"] = {"tickangle": -60, "showgrid": False, "type": "category", "tickfont": {"size": 10}}
-    layout["yaxis"] = {"autorange": "reversed", "showgrid": False, "type": "category"}
+    layout["yaxis"] = {"autorange": "reversed", "showgrid": False, "type": "category", "automargin": True}
     return Chart(data=[trace], layout=layout, height=layout["height"], caption=caption, label=label)
 
 

@@ -13,6 +13,7 @@ from .chart import COLOURS, Chart, Curve, Panel, columns, heat_map, stack
 from .document import document, drawn, save
 from .quantities import NOTHING, number, pretty, quantity
 from .tables import facts, fit_table, parameter_table, prediction_table, table
+from .weight_grid import grid_chart
 
 if TYPE_CHECKING:
     from ..weighing import Outcome, Weighing
@@ -21,7 +22,8 @@ __all__ = ["balance_chart", "parameter_chart", "trade_off_chart", "write_weighin
 
 BAND = 1.96  # 95 % of a normal distribution
 DECADE = 1.0  # of a balance: colours end there
-Along = Literal["trade-off", "stage"]
+MANY = 30  # chosen settings, beyond which they have their own figure only
+Along = Literal["trade-off", "stage", "chosen"]
 TURNED: dict[Along, str] = {"trade-off": "all W", "stage": "what holds the parameters"}
 PATHS: dict[Along, str] = {
     "trade-off": "Parameters while all W are turned together, with their 95 % bands.",
@@ -29,6 +31,7 @@ PATHS: dict[Along, str] = {
         "Parameters while all that holds them, drift and priors, is tightened by stages, from weak on the right to tight on the left, each "
         "solved from where the one before arrived; with their 95 % bands."
     ),
+    "chosen": "Parameters while the chosen weight is turned, with their 95 % bands.",
 }
 
 
@@ -41,6 +44,7 @@ def write_weighing_report(found: Weighing, path: str | Path) -> None:
         ("weights", "Weights", _weights(found)),
         ("trade-off", "Residual forces against readings", drawn(trade_off_chart(found)) + drawn(parameter_chart(found))),
         ("stages", "Parameters held ever more tightly", drawn(parameter_chart(found, "stage"))),
+        ("chosen", "Chosen weights", drawn(parameter_chart(found, "chosen")) + drawn(grid_chart(found))),
         ("balance", "Residual balance", drawn(balance_chart(found))),
         ("influence", "What every weight does to the parameters", _moves(found)),
         ("parameters", "Parameters with the recommended weights", parameter_table(result)),
@@ -84,11 +88,13 @@ def trade_off_chart(found: Weighing) -> Chart | None:
 def parameter_chart(found: Weighing, group: Along = "trade-off") -> Chart | None:
     """Every estimated parameter with its 95 % band along a path of settings; None where there is no such path.
 
-    group: "trade-off", all W turned together; "stage", all that holds the parameters, from weak to tight.
+    group: "trade-off", all W turned together; "stage", all that holds the parameters, from weak to tight; "chosen", one weight that the
+    user wanted to see turned.
     """
-    path, what = _path(found, group), TURNED[group]
-    if len(path) < 2 or not path[0].parameters:
+    path = _path(found, group)
+    if len(path) < 2 or not path[0].parameters or (group == "chosen" and len(found.varied) > 1):
         return None
+    what = TURNED.get(group) or next(iter(found.varied))
     factor = np.log10([o.setting.factor for o in path])
     units = {p.name: p.unit for p in found.recommended.parameters.values()}
     panels = []
@@ -100,8 +106,13 @@ def parameter_chart(found: Weighing, group: Along = "trade-off") -> Chart | None
 
 
 def balance_chart(found: Weighing) -> Chart | None:
-    """Of every setting, equation and output, how large what is left over is beside what its weight supposes."""
+    """Of every setting, equation and output, how large what is left over is beside what its weight supposes.
+
+    Without chosen settings where there are more than MANY of them.
+    """
     solved = [o for o in found.outcomes if o.converged]
+    crowded = sum(o.setting.group == "chosen" for o in solved) > MANY
+    solved = [o for o in solved if not (crowded and o.setting.group == "chosen")]
     names = [*dict.fromkeys(n for o in solved for n in o.force), *dict.fromkeys(n for o in solved for n in o.misfit)]
     if not names:
         return None
@@ -117,9 +128,11 @@ def balance_chart(found: Weighing) -> Chart | None:
 
 
 def _path(found: Weighing, group: Along = "trade-off") -> list[Outcome]:
-    """The settings of a path in order, with that of greatest likelihood, which it leads through; none where there is no such path."""
+def _path(found: Weighing, group: Along = "trade-off") -> list[Outcome]:
+    """The settings of a path in order, with that of greatest likelihood, which they lead through; none where there is no such path."""
     through, path = likeliest(found.outcomes), [o for o in found.outcomes if o.setting.group == group]
-    return sorted((o for o in (through, *path) if o is not None and o.converged), key=lambda o: o.setting.factor) if path else []
+    between = [through] if through and through.setting.factor not in {o.setting.factor for o in path} else []
+    return sorted((o for o in (*between, *path) if o.converged), key=lambda o: o.setting.factor) if path else []
 
 
 def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:

@@ -25,7 +25,7 @@ def settings(weights: Sequence[Weight], candidates: Mapping[str, Array], about: 
 
     Paths lead away from the candidate `about`, to smaller and to larger ones; the stages are one path past it.
     """
-    found = [[Setting(name=name, group="candidate", theta=_rounded(theta))] for name, theta in candidates.items()]
+    found = [[Setting(name=name, group="candidate", theta=rounded(theta))] for name, theta in candidates.items()]
     forces = np.array([w.kind == "W" for w in weights])
     holding = np.array([w.kind in ("drift", "prior") for w in weights])
     paths: tuple[tuple[Group, str, Array, Iterable[Sequence[float]]], ...] = (
@@ -34,12 +34,12 @@ def settings(weights: Sequence[Weight], candidates: Mapping[str, Array], about: 
     )
     for group, what, which, ways in paths:
         for way in ways if which.any() else ():
-            at = [_rounded(np.where(which, about + np.log(factor), about)) for factor in way]
+            at = [rounded(np.where(which, about + np.log(factor), about)) for factor in way]
             found.append([Setting(name=f"{what} x {s:.3g}", group=group, theta=t, factor=s) for s, t in zip(way, at, strict=True)])
     for f, weight in enumerate(weights):
         alone = np.arange(len(weights)) == f
         for way in _ways(ALONE) if weight.is_component else ():
-            at = [_rounded(np.where(alone, about + np.log(factor), about)) for factor in way]
+            at = [rounded(np.where(alone, about + np.log(factor), about)) for factor in way]
             label = weight.label
             chain = zip(way, at, strict=True)
             found.append([Setting(name=f"{label} x {s:.3g}", group="weight", theta=t, varied=label, factor=s) for s, t in chain])
@@ -63,5 +63,6 @@ def _ways(factors: tuple[float, ...]) -> tuple[list[float], list[float]]:
     return sorted((s for s in factors if s < 1), reverse=True), sorted(s for s in factors if s > 1)
 
 
-def _rounded(theta: Array) -> tuple[float, ...]:
+def rounded(theta: Array) -> tuple[float, ...]:
+    """What tells one theta from another."""
     return tuple(np.round(theta, DIGITS).tolist())

@@ -20,7 +20,7 @@ from .likelihood import Likelihood
 from .turned import Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-Group = Literal["candidate", "trade-off", "weight", "stage"]
+Group = Literal["candidate", "trade-off", "weight", "stage", "chosen"]
 
 KEPT = 1  # studies that a worker keeps ready
 
@@ -29,7 +29,8 @@ KEPT = 1  # studies that a worker keeps ready
 class Setting:
     """Log factors theta (F,) on the study's weights.
 
-    group: "candidate" for the recommendation; "trade-off", all W together; "weight", one alone; "stage", all that holds the parameters.
+    group: "candidate" for the recommendation; "trade-off", all W together; "weight", one alone; "stage", all that holds the parameters;
+    "chosen", those that the user wants to see turned.
     varied: the weight that is turned, if it is one; factor: on its std, or on those of all that are turned.
     """
 

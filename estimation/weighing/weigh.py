@@ -9,9 +9,9 @@ What is recommended is smoothed once more as a user would.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -25,8 +25,10 @@ from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.smoother import smooth
 from ..workers import as_finished, at_hand, workers
+from .chosen import chains as chosen_chains
+from .chosen import check_labels, checked, labels_of
 from .components import Component, Found
-from .estimated import Estimated, components, estimated, own_noises
+from .estimated import Estimated, components, estimated, opened, own_noises
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import ALONE, once, settings
@@ -51,7 +53,7 @@ class Weighing:
     with ten times the weight's std, as solved; NaN where that did not converge, or to parameters of another kind. slopes: the same to first
     order, for an e-fold std, of the parameters most probable together with a trajectory; state_slopes: of every state, the rms over time.
     outcomes: of all settings. forces: place -> rms of the largest force there. arrived: whether the search for the greatest likelihood did.
-    notes: what the study says in words.
+    notes: what the study says in words. varied: label of a weight -> the factors that the user wanted to see, in ascending order.
     """
 
     recommended: Smoothing
@@ -67,6 +69,7 @@ class Weighing:
     arrived: bool
     notes: tuple[str, ...]
     problem: Problem
+    varied: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def best(self) -> Outcome:
@@ -75,14 +78,24 @@ class Weighing:
 
 
 def weigh(
-    problem: Problem, *, jobs: int = 1, scheduler: str | None = None, keep: Path | None = None, progress: Progress | None = None
+    problem: Problem,
+    *,
+    vary: Mapping[str, Iterable[float]] | None = None,
+    jobs: int = 1,
+    scheduler: str | None = None,
+    keep: Path | None = None,
+    progress: Progress | None = None,
 ) -> Weighing:
     """Study the weights of a problem.
 
+    vary: label of a weight, "W of <place>", "V of <output>", "drift of <parameter>" or "prior of the parameters" -> factors on its std of
+    greatest likelihood, to be solved beside the rest: one weight along a path, several in all combinations (`chosen.py`).
     jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished settings stay, so that an
-    interrupted study goes on. Raises InputError where the problem cannot be smoothed at all, or with none of the candidates.
+    interrupted study goes on. Raises InputError where the problem cannot be smoothed at all, or with none of the candidates, and where
+    `vary` names no weight of it.
     """
     say = progress or (lambda _: None)
+    wanted = _wanted(problem, vary)
     ahead = at_hand(jobs, scheduler)
     with workers(jobs, scheduler) as pool:
         recordings, split = with_held_out(problem.recordings)
@@ -97,7 +110,8 @@ def weigh(
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
         stand = Stand(fitted=knobs, held_out=apart.result(), start=best.solution.solved.decisions)
-        chains = settings(knobs.weights, candidates, theta)
+        # what is varied comes last: whatever it is, all else stays as it was
+        chains = [*settings(knobs.weights, candidates, theta), *chosen_chains(wanted, knobs.weights, theta)]
 
         def with_weights(setting: Setting) -> Problem:
             return _at(told.whole, knobs, np.array(setting.theta))
@@ -125,11 +139,20 @@ def weigh(
         arrived=best.arrived,
         notes=(),
         problem=problem,
+        varied=wanted,
     )
     outliers = (
         [f"{knobs.outliers} samples that lie far off are left out of the study, the same ones at all weights."] if knobs.outliers else []
     )
     return replace(found, notes=(*([split] if split else []), *words(found), *tightened(found), *outliers, *_of_the_fit(found)))
+
+
+def _wanted(problem: Problem, vary: Mapping[str, Iterable[float]] | None) -> dict[str, tuple[float, ...]]:
+    """The factors, checked before anything is solved."""
+    wanted = checked(vary)
+    if wanted:
+        check_labels(wanted, labels_of(opened(problem).posed))
+    return wanted
 
 
 def _at(problem: Problem, knobs: Turned, theta: Array) -> Problem:

@@ -21,6 +21,7 @@ TWINS = 0.9  # correlation of two weights of which one can stand for the other
 LARGE, SMALL = 0.05, 0.01  # of the forces at a place: what a balance leaves over
 LOST = 1e3  # the largest condition number of all settings over the one in their middle
 DIGITS = 16.0  # of a number
+NAMED = 6  # settings that did not converge
 
 
 def words(found: Weighing) -> tuple[str, ...]:
@@ -117,5 +118,6 @@ def _conditioning(found: Weighing) -> list[str]:
         text = f"Condition numbers of the KKT matrix: {usual:.1e} in the middle, {worst.condition:.1e} at most, with {worst.setting.name}"
         out.append(f"{text}{f', where {max(digits, 0):.0f} of 16 digits are left' if worst.condition > LOST * usual else ''}.")
     if failed:
-        out.append(f"No convergence with {listed(failed)}.")
+        named = failed if len(failed) <= NAMED else [*failed[: NAMED - 1], f"{len(failed) - NAMED + 1} others"]
+        out.append(f"No convergence with {listed(named)}.")
     return out

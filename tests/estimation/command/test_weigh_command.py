@@ -88,6 +88,51 @@ def test_without_a_number_there_is_a_process_for_every_processor(study, monkeypa
     assert asked["scheduler"] is None
 
 
+def test_weights_are_varied_as_they_are_written(study, monkeypatch):
+    asked = {}
+
+    def stop(_: object, **arguments: object) -> None:
+        asked.update(arguments)
+        raise InputError("that will do")
+
+    monkeypatch.setattr(package, "weigh", stop)
+    assert main(["weigh", str(study), "--vary", "W of carriage=0.1, 1,10", "--vary", " V of x = 2e-1", "--jobs", "1"]) == 2
+    assert asked["vary"] == {"W of carriage": [0.1, 1.0, 10.0], "V of x": [0.2]}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["V of x"], '--vary "V of x": needs the label of a weight and factors on its std, as in --vary "W of carriage=0.1,1,10"'),
+        (["=1,2"], '--vary "=1,2": needs the label'),
+        (["V of x=1,two"], '"two" is no number'),
+        (["V of x=1,,2"], '"" is no number'),
+        (["V of x=1", "V of x=2"], '"V of x" is there twice'),
+        (["V of x="], "'V of x' = []: there is no factor"),
+        (["V of x=-1"], "'V of x': factor -1"),
+        (["V of y=1"], '\'V of y\': this study has no such weight; there are "W of carriage" and "V of x"'),
+    ],
+)
+def test_what_cannot_be_varied_is_bad_input(study, capsys, words, said):
+    out = study.parent / "unvaried"
+    assert main(["weigh", str(study), "--out", str(out), "--jobs", "1", *(w for word in words for w in ("--vary", word))]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert said in error
+    assert error.count("\n") == 1
+    assert not out.exists()
+
+
+@pytest.mark.slow
+def test_a_grid_is_written_with_the_rest(study):
+    out = study.parent / "grid"
+    assert main(["weigh", str(study), "--out", str(out), "--quiet", "--vary", "W of carriage=0.5,2", "--vary", "V of x=1,2"]) == 0
+    rows = json.loads((out / "result.json").read_text(encoding="utf-8"))["study"]
+    factors = [row["factors"] for row in rows if row["group"] == "chosen"]
+    assert sorted((f["W of carriage"], f["V of x"]) for f in factors) == [(0.5, 1.0), (0.5, 2.0), (2.0, 1.0), (2.0, 2.0)]
+    assert 'data-chart="chosen_weights"' in (out / "report.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.slow
 def test_an_interrupted_study_goes_on_and_solves_nothing_again(study, monkeypatch, capsys):
     """But for a chain of settings that was not at its end: what it gives hangs on where it came from."""
