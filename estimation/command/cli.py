@@ -59,7 +59,7 @@ Varied = Annotated[
 ]
 Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work.")]
 AllJobs = Annotated[
-    int | None, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work [default: one for every processor].")
+    int | None, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work (default: one for every processor).")
 ]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
 Stdin = Annotated[bool, typer.Option("--stdin", help="Read rows from standard input as they come, and write an estimate for each.")]

@@ -74,6 +74,13 @@ def test_the_study_is_written_with_its_settings_and_its_recommendation(study, ca
     assert not (study.parent / ".axis_weighed.settings").exists()
 
 
+@pytest.mark.parametrize("verb", ["weigh", "diagnose"])
+def test_help_says_how_many_processes_there_are(verb, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main([verb, "--help"]) == 0
+    assert "one for every processor" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("words", "jobs"), [([], os.cpu_count()), (["--jobs", "3"], 3)])
 def test_without_a_number_there_is_a_process_for_every_processor(study, monkeypatch, words, jobs):
     asked = {}
