@@ -42,6 +42,13 @@ def test_and_where_it_could_not_be_smoothed_with_them():
     assert "convergence" not in why
 
 
+def test_one_that_alone_could_be_judged_is_before_others_that_what_was_fitted_speaks_for():
+    likelihood, *others = candidates(**scores(NAN, 60.0, NAN))
+    chosen, why = recommended([lost(likelihood), *others], held_out=True)
+    assert chosen.setting.name == "as smooth chooses them"
+    assert why.endswith("could not be smoothed with those of the rule of magnitudes.")
+
+
 @pytest.mark.parametrize(("held_out", "said"), [(True, "what was held out could not be smoothed"), (False, "nothing was held out")])
 def test_where_nothing_judges_the_reason_is_said(held_out, said):
     every = candidates(**scores(NAN, NAN, NAN))
