@@ -128,7 +128,6 @@ def balance_chart(found: Weighing) -> Chart | None:
 
 
 def _path(found: Weighing, group: Along = "trade-off") -> list[Outcome]:
-def _path(found: Weighing, group: Along = "trade-off") -> list[Outcome]:
     """The settings of a path in order, with that of greatest likelihood, which they lead through; none where there is no such path."""
     through, path = likeliest(found.outcomes), [o for o in found.outcomes if o.setting.group == group]
     between = [through] if through and through.setting.factor not in {o.setting.factor for o in path} else []
