@@ -8,20 +8,20 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from importlib.metadata import version
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..own_code import code_of
 from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.smoother import OutOfTime
 from ..whole_files import written_whole
 from .candidates import Candidate
 
-FORMAT = 2  # of the parts: those of another one count as not there
+CODE = ("models", "ocp", "recordings", "smoothing", "validation", "diagnosis")  # that a part goes through
 DIGITS = 9  # of a number that tells one part from another
 
 
@@ -35,7 +35,7 @@ class Keep:
         """Of a part: the problem, what came before, the candidate's edits and where its fit starts."""
         edits = [edit.words for edit in candidate.edits] if candidate else []
         numbers = {k: f"{v:.{DIGITS}g}" for k, v in sorted((start or {}).items())}
-        own = repr((version("backsight"), FORMAT, self._problem, what, candidate.key if candidate else "", edits, numbers))
+        own = repr((code_of(*CODE), self._problem, what, candidate.key if candidate else "", edits, numbers))
         return hashlib.sha256(own.encode()).hexdigest()[:32]
 
     def get(self, name: str) -> Any:
@@ -73,8 +73,9 @@ def _of_problem(problem: Problem) -> str:
     """What tells a problem from others: its equations, recordings, parameters and weights."""
     found = hashlib.sha256(problem.dae.function().serialize().encode())
     for r in problem.recordings:
-        for array in (r.time, *r.inputs.values(), *r.outputs.values()):
-            found.update(np.ascontiguousarray(array).tobytes())
-        found.update(repr((r.name, r.role, r.hold, r.output_std)).encode())
+        drive = {} if r.drive is None else {"drive": r.drive.time, **r.drive.inputs}
+        for name, array in (("time", r.time), *r.inputs.items(), *r.outputs.items(), *drive.items()):
+            found.update(name.encode() + np.ascontiguousarray(array).tobytes())
+        found.update(repr([getattr(r, f.name) for f in fields(r) if f.name not in ("time", "inputs", "outputs", "drive")]).encode())
     found.update(repr((problem.parameters, problem.weights, problem.initial, problem.bounds)).encode())
     return found.hexdigest()

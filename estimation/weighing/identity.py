@@ -9,27 +9,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from functools import lru_cache
-from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 
-from backsight import ocp
-
+from ..own_code import code_of
 from .turned import TOLERANCE, Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 GRID = TOLERANCE  # what a solve leaves open anyhow
 DIGITS = 6
-HERE = Path(__file__).parents[1]
-CODE = (Path(ocp.__file__).parent, HERE / "smoothing", HERE / "weighing")  # that a solve goes through; a model is told by its equations
+CODE = ("ocp", "smoothing", "weighing")  # that a solve goes through; a model is told by its equations
 
 
 def identity(fitted: Turned, held_out: Turned | None, start: Array) -> str:
     """Of a study of these programs whose solves begin at decisions `start` (n + np,)."""
-    found = hashlib.sha256(_code().encode())
+    found = hashlib.sha256(code_of(*CODE).encode())
     for turned, begin in ((fitted, start), (held_out, held_out.program.start if held_out else start)):
         for part in ("nothing",) if turned is None else _parts(turned, begin):
             found.update(f"{part.dtype}{part.shape}".encode() + part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode())
@@ -69,13 +64,3 @@ def _on_grid(decisions: Array, unit: Array) -> Array:
 def _significant(numbers: Array) -> Array:
     share, power = np.frexp(numbers)
     return np.asarray(np.ldexp(np.round(share, DIGITS), power) + 0.0, dtype=np.float64)
-
-
-@lru_cache(maxsize=1)
-def _code() -> str:
-    """The version of the package, and of an edited one the text of its files."""
-    found = hashlib.sha256(version("backsight").encode())
-    for folder in CODE:
-        for path in sorted(folder.rglob("*.py")):
-            found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()

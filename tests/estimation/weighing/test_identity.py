@@ -129,5 +129,5 @@ def test_what_was_held_out_counts_as_what_was_fitted_does(here):
 
 def test_outcomes_of_another_code_are_not_those_of_this_one(here, monkeypatch):
     before = here.identity
-    monkeypatch.setattr(identity, "_code", lambda: "another")
+    monkeypatch.setattr(identity, "code_of", lambda *_: "another")
     assert here.identity != before
