@@ -59,6 +59,9 @@ def tracking_table(answer: Tracking) -> Table:
     return table
 
 
+LEAST_P = 1e-99  # a smaller chance is none that anyone would print
+
+
 def weight_table(found: Weighing) -> Table:
     """Every weight from the data with its 95 % interval, the recommended one, and the chance of what is seen without it."""
     table = Table(title=f"{found.recommended.model}: {escape(found.why)}", title_justify="left", box=None, pad_edge=False)
@@ -66,7 +69,7 @@ def weight_table(found: Weighing) -> Table:
         table.add_column(heading)
     for label, c in found.components.items():
         low, high = c.interval
-        p = "" if c.p_zero is None or not isfinite(c.p_zero) else f"{c.p_zero:.2g}"
+        p = "" if c.p_zero is None or not isfinite(c.p_zero) else f"{c.p_zero:.2g}" if c.p_zero > LEAST_P else f"< {LEAST_P:g}"
         between = "" if not (isfinite(low) and isfinite(high)) else f"up to {high:.3g}" if c.may_be_none else f"{low:.3g} .. {high:.3g}"
         table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", between, p)
     return table

@@ -14,6 +14,7 @@ from .along import forces
 
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 STRAY = 1e-6  # of a guess, or one over it: what no unit explains
+EXPLAINS_NOTHING = "the model explains next to nothing"
 ZERO, ENDLESS = "ran to nothing", "grew beyond all measure"
 
 
@@ -31,7 +32,7 @@ def on_explaining(problem: Problem, solution: Solution, residuals: Mapping[str, 
         if r is not None and r.rms > UNEXPLAINED * force:
             parts.append(f"residual.{r.place}, {r.rms:.3g} {r.unit} rms, is as large as all else in its balance, {force:.3g} {r.unit} rms")
     given = f", and W of {listed(weighed)}, which is given" if (weighed := weighed_places(problem)) else ""
-    explains = f"the model explains next to nothing. Check units and signs of inputs and outputs{given}"
+    explains = f"{EXPLAINS_NOTHING}. Check units and signs of inputs and outputs{given}"
     ends = [f"{listed(names)} {how}" for names, how in ((held, "ended on a bound"), (small, ZERO), (large, ENDLESS)) if names]
     remedy = f", and fix one of {listed([*small, *large])}, or W there" if len(small) + len(large) > 1 else ""
     return [f"{listed(parts)}, and {listed(ends)}: {explains}{remedy}."] if parts else []

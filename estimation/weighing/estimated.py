@@ -136,4 +136,6 @@ def _given(problem: Problem, knobs: Turned) -> Array:
     stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
     kept = {f"V of {name}" for name in own_noises(problem)}
     stds |= {w.label: w.std for w in knobs.weights if w.label in kept}
-    return np.array([np.log(stds[w.label] / w.std) if w.label in stds else np.nan for w in knobs.weights])
+    # of an output whose recordings differ by what the data say, one number is not what was given
+    given = [w.label in stds and (not w.own or w.label in kept) for w in knobs.weights]
+    return np.array([np.log(stds[w.label] / w.std) if there else np.nan for w, there in zip(knobs.weights, given, strict=True)])

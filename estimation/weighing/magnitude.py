@@ -22,10 +22,10 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 def sizes(problem: Problem, solution: Solution) -> dict[str, float]:
-    """Place -> rms of the largest term of its balance [unit]."""
+    """Place -> rms of the largest term of its balance [unit], wherever positions have their zero."""
     t, posed = solution.transcription, problem.posed
     followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
-    return {posed.dae.places[k].name: size for k, size in forces(posed, followed, solution.parameters).items()}
+    return {posed.dae.places[k].name: size for k, size in forces(posed, followed, solution.parameters, borne=True).items()}
 
 
 def magnitudes(turned: Turned, problem: Problem, force: dict[str, float]) -> Array:

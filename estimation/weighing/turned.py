@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backsight.models.augmentation import stationary_std
+from backsight.models.augmentation.parameters import case_name
 from backsight.models.errors import InputError
 from backsight.ocp import Solution, Status
 from backsight.ocp.nlp import Values
@@ -40,6 +41,7 @@ class Weight:
     """One entry of W or V, the rate of drift of a parameter, or all priors of the parameters: its name, std in force and unit.
 
     row: among the soft places, or of an output among the model's; measured_input: V of an input, which acts as a residual force does.
+    own: of an output whose noise differs between recordings, "<output> [<recording>]" -> std there, turned together; std is their rms.
     Priors are turned together, and their std is the factor on them.
     """
 
@@ -49,6 +51,7 @@ class Weight:
     unit: str
     row: int
     measured_input: bool = False
+    own: tuple[tuple[str, float], ...] = ()
 
     @property
     def is_noise(self) -> bool:
@@ -213,7 +216,8 @@ def turned(problem: Problem, result: Smoothing) -> Turned:
                 coloured[row] = tuple(names.index(state) for state in states)
     for row, q in enumerate(posed.dae.outputs):
         if q.name in in_force.V:
-            weights.append(Weight(name=q.name, kind="V", std=in_force.V[q.name], unit=q.unit, row=row))
+            own = tuple((case, in_force.V[case]) for r in problem.recordings if (case := case_name(q.name, r.name)) in in_force.V)
+            weights.append(Weight(name=q.name, kind="V", std=in_force.V[q.name], unit=q.unit, row=row, own=own))
     if any(term.name == "parameter prior" for term in t.nlp.terms):
         weights.append(Weight(name="the parameters", kind="prior", std=1.0, unit="1", row=-1))
     return Turned(program=program, weights=tuple(weights), coloured=coloured, outliers=outliers)

@@ -28,16 +28,17 @@ from ..workers import as_finished, at_hand, workers
 from .chosen import chains as chosen_chains
 from .chosen import check_labels, checked, labels_of
 from .components import Component, Found
-from .estimated import Estimated, components, estimated, opened, own_noises
+from .estimated import components, estimated, opened, own_noises
+from .held_out import judging
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import ALONE, once, settings
 from .recommendation import FIRST, GIVEN, LIKELIHOOD, RULE, alike, likeliest, recommended
-from .setting import Outcome, Setting, Stand, solve, values_of
+from .setting import Outcome, Setting, Stand, solve
 from .store import Store
 from .tightening import tightened
-from .turned import Mask, Turned, turned
-from .words import words
+from .turned import Mask, Turned
+from .words import of_each, unreliable, words
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Progress = Callable[[str], None]
@@ -102,14 +103,15 @@ def weigh(
         told = estimated(replace(problem, recordings=recordings), say)
         posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
         say("smoothing what was held out")
-        apart = pool.submit(_held_out, told, say if ahead == 1 else None)
+        apart = pool.submit(judging, told, _at(told.whole, knobs, theta), say if ahead == 1 else None)
         found_of = components(told, pool, ahead, say)
         force = sizes(posed, best.solution)
         untold = knobs.noise & ~best.moving  # the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
-        stand = Stand(fitted=knobs, held_out=apart.result(), start=best.solution.solved.decisions)
+        judge = apart.result()
+        stand = Stand(fitted=knobs, held_out=judge.knobs, start=best.solution.solved.decisions)
         # what is varied comes last: whatever it is, all else stays as it was
         chains = [*settings(knobs.weights, candidates, theta), *chosen_chains(wanted, knobs.weights, theta)]
 
@@ -128,7 +130,7 @@ def weigh(
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,
-        why=why,
+        why=unreliable(best.arrived, result.notes) + why,
         components=found_of,
         correlation=_correlation(knobs, best),
         moves=_moves(outcomes),
@@ -141,10 +143,9 @@ def weigh(
         problem=problem,
         varied=wanted,
     )
-    outliers = (
-        [f"{knobs.outliers} samples that lie far off are left out of the study, the same ones at all weights."] if knobs.outliers else []
-    )
-    return replace(found, notes=(*([split] if split else []), *words(found), *tightened(found), *outliers, *_of_the_fit(found)))
+    beside = [f"{knobs.outliers} samples that lie far off are left out of the study, the same ones at all weights."][: knobs.outliers]
+    said = *words(found), *of_each(found), *judge.notes, *tightened(found), *beside, *_of_the_fit(found)
+    return replace(found, notes=(*([split] if split else []), *said))
 
 
 def _wanted(problem: Problem, vary: Mapping[str, Iterable[float]] | None) -> dict[str, tuple[float, ...]]:
@@ -157,33 +158,18 @@ def _wanted(problem: Problem, vary: Mapping[str, Iterable[float]] | None) -> dic
 
 def _at(problem: Problem, knobs: Turned, theta: Array) -> Problem:
     """An opened problem with the weights theta, rates of drift among them."""
-    stds, own = knobs.stds(theta), own_noises(problem)
+    stds, of_each = knobs.stds(theta), dict[str, float]()
+    for output, own in own_noises(problem).items():
+        of_each |= {case_name(output, recording): std for recording, std in own.items()}
     W, V = ({w.name: stds[w.label] for w in knobs.weights if w.kind == kind} for kind in ("W", "V"))
     for w, factor in zip(knobs.weights, np.exp(theta), strict=True):
-        if w.is_noise and w.name in own:
-            V |= {case_name(w.name, name): std * float(factor) for name, std in own[w.name].items()}
+        if w.own:
+            each = {**{case: std for case, std in of_each.items() if case.startswith(f"{w.name} [")}, **dict(w.own)}
+            V |= {case: std * float(factor) for case, std in each.items()}
     drifts = {w.name: stds[w.label] for w in knobs.weights if w.kind == "drift"}
     drifting = {name: replace(free, drift=drifts[name]) for name, free in problem.varying.items() if name in drifts}
     weights = replace(problem.weights, W={**problem.weights.W, **W}, V={**problem.weights.V, **V})
     return replace(problem, weights=weights, parameters={**problem.parameters, **drifting})
-
-
-def _held_out(told: Estimated, say: Progress | None) -> Turned | None:
-    """What was held out, smoothed with the parameters of the best weights.
-
-    A std of its weights is that of the fitted recordings, which a setting turns.
-    """
-    own = [replace(r, role="fit") for r in told.whole.recordings if r.role == "held_out"]
-    if not own:
-        return None
-    best, found = _at(told.whole, told.knobs, told.best.theta), values_of(told.best.solution)
-    values = {p.name: found.get(p.name, p.value) for p in told.posed.dae.parameters}
-    fixed = replace(best, recordings=own, parameters={**values, **best.varying})
-    result = smooth(fixed, progress=say)
-    if not result.solver.converged:
-        return None
-    knobs, stds = turned(fixed, result), told.knobs.stds(told.best.theta)
-    return replace(knobs, weights=tuple(replace(w, std=stds.get(w.label, w.std)) for w in knobs.weights))
 
 
 def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:
@@ -215,6 +201,7 @@ def _of_the_fit(found: Weighing) -> list[str]:
     none = [label.removeprefix("W of ") for label, c in found.components.items() if label.startswith("W of ") and c.may_be_none]
     none = none if found.chosen == LIKELIHOOD else []
     told = tuple(f"{label}: std" for label in found.components) + tuple(f"residual.{place} " for place in none)
+    told += tuple(f"{label.removeprefix('drift of ')} drifts by " for label in found.components if label.startswith("drift of "))
     return [note for note in found.recommended.notes if not note.startswith(told)]
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..smoothing.explaining import EXPLAINS_NOTHING
 from ..wording import listed
 from .plan import ALONE
 from .recommendation import RULE, alike, likeliest
@@ -24,10 +26,29 @@ DIGITS = 16.0  # of a number
 NAMED = 6  # settings that did not converge
 
 
+def unreliable(arrived: bool, notes: Sequence[str]) -> str:
+    """What comes before a recommendation that is none; notes: of smoothing with the recommended weights."""
+    lost = [] if arrived else ["the search for the weights of greatest likelihood went no further, and they have no intervals"]
+    if any(EXPLAINS_NOTHING in note for note in notes):
+        lost.append(f"with them {EXPLAINS_NOTHING}, as where a few samples lie far off and no loss (auto, huber) leaves them out")
+    return f"Not to be relied on: {' and '.join(lost)}. " if lost else ""
+
+
 def words(found: Weighing) -> tuple[str, ...]:
     """Sentences, the most important ones first."""
-    lost = () if found.arrived else ("The search for the weights of greatest likelihood went no further: they have no intervals.",)
-    return (found.why, *lost, *_equations(found), *_weights(found), *_moving(found), *_kinds(found), *_conditioning(found))
+    return (found.why, *_equations(found), *_weights(found), *_moving(found), *_kinds(found), *_conditioning(found))
+
+
+def of_each(found: Weighing) -> list[str]:
+    """Noise that recordings have of their own."""
+    V = found.recommended.weights.V
+    out = []
+    for label, c in found.components.items():
+        own = {case.partition(" [")[2][:-1]: std for case, std in V.items() if label.startswith("V ") and case.startswith(f"{label[5:]} [")}
+        if own:
+            each = listed([f"{std:.3g} {c.unit} in {name}" for name, std in own.items()])
+            out.append(f"{label} is {each}, turned together; the table has their rms.")
+    return out
 
 
 def _equations(found: Weighing) -> list[str]:

@@ -240,3 +240,17 @@ def test_where_nothing_holds_the_parameters_nothing_is_said_of_it(found):
     assert tightened(found) == []
     assert parameter_chart(found, "stage") is None
     assert not any("tightened" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_a_judge_with_another_noise_or_with_outliers_speaks_for_the_same_weights(found):
+    """What was held out has twenty times the noise, or a few gross outliers: weights twenty times as large would suit it alone."""
+    whole = problem()
+    fit, held_out = whole.recordings
+    y, rng = held_out.outputs["x"], np.random.default_rng(3)
+    gross = np.where(np.arange(len(y)) % 61 == 30, 0.5, 0.0)
+    for worse in (y + 20 * STD * rng.standard_normal(len(y)), y + gross):
+        study = weigh(replace(whole, recordings=[fit, replace(held_out, outputs={"x": worse})]))
+        assert study.chosen == "greatest likelihood"
+        assert study.components["V of x"].std == pytest.approx(found.components["V of x"].std, rel=1e-6)
+        assert any("What was held out has" in note or "of what was held out lie far off" in note for note in study.notes)

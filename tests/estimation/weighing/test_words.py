@@ -14,7 +14,7 @@ from backsight.estimation.weighing.components import Component
 from backsight.estimation.weighing.setting import Outcome
 from backsight.estimation.weighing.store import Store
 from backsight.estimation.weighing.weigh import _moves
-from backsight.estimation.weighing.words import words
+from backsight.estimation.weighing.words import unreliable, words
 
 NAN = float("nan")
 FORCE = 100.0  # N, rms of the largest at the place
@@ -93,3 +93,11 @@ def test_the_kind_of_the_parameters_is_kept(tmp_path):
     assert kept.pop("arrived") is False
     path.write_text(json.dumps(kept), encoding="utf-8")
     assert Store(tmp_path, "study").get(one.setting) is None  # of before it was kept
+
+
+def test_a_recommendation_that_is_none_begins_with_that():
+    assert unreliable(True, ["x: its prediction errors are white."]) == ""
+    assert unreliable(False, []).startswith("Not to be relied on: the search for the weights of greatest likelihood went no further")
+    nothing = unreliable(True, ["residual.cart, 157 N rms: the model explains next to nothing. Check units."])
+    assert nothing.startswith("Not to be relied on: with them the model explains next to nothing")
+    assert "loss (auto, huber)" in nothing
