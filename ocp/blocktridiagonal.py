@@ -115,18 +115,21 @@ def factor(diagonal: Array, lower: Array, knot: slice) -> BlockTridiagonal:
     if not (np.all(np.isfinite(diagonal)) and np.all(np.isfinite(lower))):
         raise np.linalg.LinAlgError("the matrix has entries that are not finite")
     levels, pivots = [], []
-    while len(diagonal) > 1:
-        D, odd = diagonal[1::2], len(diagonal) // 2
-        pivots.append(D)
-        inverse = _inverse(D)
-        inverse = (inverse + _t(inverse)) / 2
-        H_oa, H_bo, right = lower[0::2], lower[1::2], (len(diagonal) - 1) // 2
-        to_left = inverse @ H_oa
-        even = diagonal[0::2].copy()
-        even[:odd, knot, knot] -= _t(H_oa) @ to_left
-        even[1:] -= H_bo @ inverse[:right, knot, knot] @ _t(H_bo)
-        levels.append(Level(inverse, to_left, H_bo))
-        diagonal, lower = even, -H_bo @ to_left[:right, knot]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is next to singular is told below
+        while len(diagonal) > 1:
+            D, odd = diagonal[1::2], len(diagonal) // 2
+            pivots.append(D)
+            inverse = _inverse(D)
+            inverse = (inverse + _t(inverse)) / 2
+            H_oa, H_bo, right = lower[0::2], lower[1::2], (len(diagonal) - 1) // 2
+            to_left = inverse @ H_oa
+            even = diagonal[0::2].copy()
+            even[:odd, knot, knot] -= _t(H_oa) @ to_left
+            even[1:] -= H_bo @ inverse[:right, knot, knot] @ _t(H_bo)
+            levels.append(Level(inverse, to_left, H_bo))
+            diagonal, lower = even, -H_bo @ to_left[:right, knot]
+    if not np.all(np.isfinite(diagonal)):
+        raise np.linalg.LinAlgError("a block of the matrix is singular to rounding")
     return BlockTridiagonal(tuple(levels), _inverse(diagonal), (*pivots, diagonal), knot)
 
 

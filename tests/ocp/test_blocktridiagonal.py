@@ -64,6 +64,15 @@ def test_a_block_that_is_not_finite_is_refused():
         factor(diagonal, lower, ALL)
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_elimination_that_goes_beyond_all_numbers_is_refused_without_a_warning():
+    diagonal, lower, _ = blocks(4, 2, definite=True)
+    diagonal[1] = 1e-200 * np.eye(2)
+    lower[:] *= 1e100
+    with pytest.raises(np.linalg.LinAlgError, match="singular"):
+        factor(diagonal, lower, ALL)
+
+
 def test_the_factor_leaves_its_arguments_alone():
     diagonal, lower, _ = blocks(5, 2, definite=False)
     before = diagonal.copy(), lower.copy()
