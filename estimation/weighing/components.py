@@ -40,7 +40,8 @@ ZERO = 0.05  # p from which on a residual force may as well be none
 GONE = 0.3  # degrees of freedom, see above
 LOWER, STEPS_DOWN = float(np.log(5.0)), 8  # steps down to there
 EDGE, NEAR_EDGE = 1.959964, 0.1  # root of LR at the ends of 95 %, and how near to it is near enough
-STEPS_UP, FARTHEST, ROUGH_GAIN = 12, 1.0, 0.05  # steps up to there, the longest one in theta, and what may be left to gain on the way
+SEEN, LEAST_SEEN, FIRST_STEP = 1.0, 1e-6, 0.35  # degrees of freedom where the way up begins, that none has less of, and a step in theta
+STEPS_UP, WIDEST, ROUGH_GAIN = 12, 4.0, 0.05  # steps up, the longest one on the variance, and what may be left to gain on the way
 DOUBTLESS = 30.0  # LR from which on a force is there: p = 2e-8
 
 
@@ -176,19 +177,27 @@ def doubted(turned: Turned, best: Found, f: int) -> tuple[float, float]:
 def at_most(turned: Turned, best: Found, f: int) -> float:
     """The std of weight f above its best at which twice the log likelihood, greatest over the others, has fallen by 1.96^2; else NaN.
 
-    Where a force is small beside what is known of it, the root of that grows as its variance does.
+    From where the data would see a force at all it is sought upwards, each time from where the others were; the root of what l has fallen
+    by grows as the variance does.
     """
-    alone = np.arange(len(best.theta)) == f
-    spread = float(best.std[f])
-    theta, here = best.theta + 0.5 * np.log1p(2.0 * EDGE * (spread if np.isfinite(spread) else 1.0)) * alone, best.likelihood
+    alone, freedom = np.arange(len(best.theta)) == f, float(best.likelihood.freedom[f])
+    up = 0.5 * float(np.log(SEEN / max(freedom, LEAST_SEEN)))
+    theta, here = best.theta + max(up, FIRST_STEP) * alone, best.likelihood
+    below, above = (0.0, 0.0), (np.inf, np.inf)
     for _ in range(STEPS_UP):
         found = maximise(turned, theta, best.moving & ~alone, _at(turned, theta, here.solution.solved.decisions), gain=ROUGH_GAIN)
         if not found.arrived:
             break
-        root = float(np.sqrt(max(_ratio(best, found.likelihood), 0.0)))
+        here, theta, variance = found.likelihood, found.theta, float(np.exp(2.0 * (found.theta[f] - best.theta[f])))
+        root = float(np.sqrt(max(_ratio(best, here), 0.0)))
         if abs(root - EDGE) < NEAR_EDGE:
-            return turned.stds(found.theta)[turned.weights[f].label]
-        here, theta = found.likelihood, found.theta + float(np.clip(0.5 * np.log(EDGE / max(root, 1e-9)), -FARTHEST, FARTHEST)) * alone
+            return turned.stds(theta)[turned.weights[f].label]
+        below, above = ((variance, root), above) if root < EDGE else (below, (variance, root))
+        if np.isfinite(above[0]):
+            aim = below[0] + (above[0] - below[0]) * (EDGE - below[1]) / (above[1] - below[1])
+        else:
+            aim = variance * min(EDGE / max(root, EDGE / WIDEST), WIDEST)
+        theta = theta + 0.5 * float(np.log(aim / variance)) * alone
     return float("nan")
 
 
