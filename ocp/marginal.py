@@ -110,8 +110,7 @@ class Marginal:
     @cached_property
     def determinants(self) -> Array:
         """g (k,), by central differences: at a kink of a law a shorter way would see either side of it, or nothing."""
-        nlp, starts, here = self.solution.transcription.nlp, self.solution.transcription.starts, self.solution.solved.decisions
-        known = np.unique(np.concatenate([self._held, starts.ravel(), np.arange(nlp.trajectory_size, nlp.size)]))
+        nlp, here, known = self.solution.transcription.nlp, self.solution.solved.decisions, _known(self.solution)
         H, J, softness = self._kkt(here)
         units = _sizes(softness)
         before = bordered(nlp, H, J, softness, known)
@@ -168,8 +167,7 @@ class Marginal:
     @property
     def _held(self) -> Index:
         """What of the trajectories cannot move."""
-        held = self.solution.held
-        return held[held < self.solution.transcription.nlp.trajectory_size]
+        return _held(self.solution)
 
 
 def log_density_of_forces(solution: Solution) -> float:
@@ -177,12 +175,20 @@ def log_density_of_forces(solution: Solution) -> float:
 
     Raises numpy.linalg.LinAlgError where K_0 is singular.
     """
-    nlp, starts = solution.transcription.nlp, solution.transcription.starts
     H, J, softness = solution.solver.kkt(solution.solved.decisions, solution.values, without=(solution.term("samples"),))
-    held = solution.held[solution.held < nlp.trajectory_size]
-    known = np.unique(np.concatenate([held, starts.ravel(), np.arange(nlp.trajectory_size, nlp.size)]))
-    heavy = softness[softness != 0]
-    return 0.5 * (bordered(nlp, H, J, softness, known).log_abs_determinant - float(np.sum(np.log(heavy))))
+    K_0, heavy = bordered(solution.transcription.nlp, H, J, softness, _known(solution)), softness[softness != 0]
+    return 0.5 * (K_0.log_abs_determinant - float(np.sum(np.log(heavy))))
+
+
+def _held(solution: Solution) -> Index:
+    """What of the trajectories cannot move."""
+    return solution.held[solution.held < solution.transcription.nlp.trajectory_size]
+
+
+def _known(solution: Solution) -> Index:
+    """That, the first states and the parameters: what K_0 supposes to be known."""
+    t = solution.transcription
+    return np.unique(np.concatenate([_held(solution), t.starts.ravel(), np.arange(t.nlp.trajectory_size, t.nlp.size)]))
 
 
 def _triplets(matrix: sp.csc_matrix) -> tuple[Index, Index, Array]:

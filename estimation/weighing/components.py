@@ -69,7 +69,7 @@ class Component:
         """95 % of its std: on the logarithmic scale, or from none to the limit where there may be none."""
         if self.may_be_none:
             return 0.0, self.limit
-        spread = float(np.exp(1.959964 * self.log_std))
+        spread = float(np.exp(EDGE * self.log_std))
         return self.std / spread, self.std * spread
 
 
