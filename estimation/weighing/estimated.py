@@ -5,13 +5,13 @@ problem with W and V left out -> smoothed -> likelihood of the weights on that m
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Executor
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from backsight.models.augmentation.parameters import case_name
 from backsight.ocp import Options
 
 from ..problem import Problem
@@ -19,7 +19,6 @@ from ..smoothing.horizons import check_varies
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..supposed import noisy_inputs
-from ..workers import Here, as_finished
 from .components import Component, Found, doubted, maximise
 from .turned import Turned, turned
 
@@ -51,7 +50,12 @@ def variance_components(problem: Problem, *, progress: Progress | None = None) -
     Raises InputError for a problem that cannot be posed.
     """
     say = progress or (lambda _: None)
-    return components(estimated(problem, say), Here(), 1, say)
+    told = estimated(problem, say)
+    answers = {}
+    for label, doubt in doubts(told).items():
+        answers[label] = doubt()
+        say(without_line(label, answers[label]))
+    return components(told, answers)
 
 
 def estimated(problem: Problem, say: Progress) -> Estimated:
@@ -70,20 +74,27 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     return Estimated(whole=whole, posed=posed, knobs=knobs, given=given, best=best)
 
 
-def components(told: Estimated, pool: Executor, ahead: int, say: Progress) -> dict[str, Component]:
-    """What the data tell of every weight; whether one may be none is asked of each by itself, so many at once."""
-    knobs, best = told.knobs, told.best
-    spread = best.std if best.arrived else np.full(len(knobs.weights), np.nan)
-    stds, found = knobs.stds(best.theta), dict[int, Component]()
-    for f, w in enumerate(knobs.weights):
+def doubts(told: Estimated) -> dict[str, Callable[[], tuple[float, float]]]:
+    """Label of every weight that may be none -> call that tells how probable that is, and its std at most; each stands by itself."""
+    asked = [f for f, w in enumerate(told.knobs.weights) if w.is_component and not w.is_noise and told.best.arrived]
+    return {told.knobs.weights[f].label: partial(doubted, told.knobs, told.best, f) for f in asked}
+
+
+def without_line(label: str, answer: tuple[float, float]) -> str:
+    """What is shown when one is answered."""
+    return f"without {label}: p = {answer[0]:.2g}"
+
+
+def components(told: Estimated, answers: Mapping[str, tuple[float, float]]) -> dict[str, Component]:
+    """What the data tell of every weight; answers: what came of the doubts."""
+    best, found = told.best, dict[str, Component]()
+    spread = best.std if best.arrived else np.full(len(told.knobs.weights), np.nan)
+    stds = told.knobs.stds(best.theta)
+    for w, log_std in zip(told.knobs.weights, spread.tolist(), strict=True):
         if w.is_component:
-            p = None if w.is_noise else float("nan")
-            found[f] = Component(std=stds[w.label], log_std=float(spread[f]), p_zero=p, unit=w.unit)
-    asked = [f for f, c in found.items() if c.p_zero is not None and best.arrived]
-    for f, (p, limit) in as_finished(pool, ((f, partial(doubted, knobs, best, f)) for f in asked), ahead):
-        say(f"without {knobs.weights[f].label}: p = {p:.2g}")
-        found[f] = replace(found[f], p_zero=p, limit=limit)
-    return {knobs.weights[f].label: c for f, c in found.items()}
+            p, limit = answers.get(w.label, (None if w.is_noise else np.nan, np.nan))
+            found[w.label] = Component(std=stds[w.label], log_std=log_std, p_zero=p, limit=limit, unit=w.unit)
+    return found
 
 
 def opened(problem: Problem) -> Problem:
@@ -96,6 +107,22 @@ def opened(problem: Problem) -> Problem:
     own = own_noises(problem)
     recordings = [replace(r, output_std={name: own.get(name, {}).get(r.name) for name in r.outputs}) for r in problem.recordings]
     return replace(problem, recordings=recordings, weights=replace(weights, W=W, V=noisy_inputs(problem)))
+
+
+def with_weights(problem: Problem, knobs: Turned, theta: Array) -> Problem:
+    """An opened problem with the weights theta, rates of drift among them."""
+    stds, of_each = knobs.stds(theta), dict[str, float]()
+    for output, own in own_noises(problem).items():
+        of_each |= {case_name(output, recording): std for recording, std in own.items()}
+    W, V = ({w.name: stds[w.label] for w in knobs.weights if w.kind == kind} for kind in ("W", "V"))
+    for w, factor in zip(knobs.weights, np.exp(theta), strict=True):
+        if w.own:
+            each = {**{case: std for case, std in of_each.items() if case.startswith(f"{w.name} [")}, **dict(w.own)}
+            V |= {case: std * float(factor) for case, std in each.items()}
+    drifts = {w.name: stds[w.label] for w in knobs.weights if w.kind == "drift"}
+    drifting = {name: replace(free, drift=drifts[name]) for name, free in problem.varying.items() if name in drifts}
+    weights = replace(problem.weights, W={**problem.weights.W, **W}, V={**problem.weights.V, **V})
+    return replace(problem, weights=weights, parameters={**problem.parameters, **drifting})
 
 
 def own_noises(problem: Problem) -> dict[str, dict[str, float]]:

@@ -8,36 +8,31 @@ What is recommended is smoothed once more as a user would.
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from backsight.models.augmentation.parameters import case_name
-
 from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..smoothing.smoother import smooth
-from ..workers import as_finished, at_hand, workers
+from ..workers import at_hand, workers
 from .chosen import chains as chosen_chains
 from .chosen import check_labels, checked, labels_of
 from .components import Component, Found
-from .estimated import components, estimated, opened, own_noises
+from .estimated import components, doubts, estimated, opened, with_weights
 from .held_out import judging
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
-from .plan import ALONE, once, settings
+from .plan import ALONE, settings
 from .recommendation import FIRST, GIVEN, LIKELIHOOD, RULE, alike, likeliest, recommended
-from .setting import Outcome, Setting, Stand, solve
-from .store import Store
+from .setting import Outcome, Setting, Stand
+from .side_by_side import side_by_side
 from .tightening import tightened
-from .turned import Mask, Turned
+from .turned import Turned
 from .words import of_each, unreliable, words
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -103,35 +98,35 @@ def weigh(
         told = estimated(replace(problem, recordings=recordings), say)
         posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
         say("smoothing what was held out")
-        apart = pool.submit(judging, told, _at(told.whole, knobs, theta), say if ahead == 1 else None)
-        found_of = components(told, pool, ahead, say)
+        judged = pool.submit(judging, told, with_weights(told.whole, knobs, theta), say if ahead == 1 else None)
         force = sizes(posed, best.solution)
         untold = knobs.noise & ~best.moving  # the same for all
         candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
-        judge = apart.result()
-        stand = Stand(fitted=knobs, held_out=judge.knobs, start=best.solution.solved.decisions)
         # what is varied comes last: whatever it is, all else stays as it was
         chains = [*settings(knobs.weights, candidates, theta), *chosen_chains(wanted, knobs.weights, theta)]
 
-        def with_weights(setting: Setting) -> Problem:
-            return _at(told.whole, knobs, np.array(setting.theta))
+        def at(setting: Setting) -> Problem:
+            return with_weights(told.whole, knobs, np.array(setting.theta))
+
+        def stand() -> Stand:
+            return Stand(fitted=knobs, held_out=judged.result().knobs, start=best.solution.solved.decisions)
 
         # most often those are recommended: with several workers this goes beside the settings
         leading = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
-        begun = None if ahead == 1 else pool.submit(smooth, with_weights(leading))
-        outcomes = _solved(stand, chains, pool, ahead, keep, say)
+        begun = None if ahead == 1 else pool.submit(smooth, at(leading))
+        answers, outcomes = side_by_side(doubts(told), stand, chains, pool, ahead, keep, say)
         chosen, why = recommended(outcomes, held_out=any(r.role == "held_out" for r in recordings))
         say("smoothing with the recommended weights")
         ready = begun if chosen.setting == leading else None
-        result = smooth(with_weights(chosen.setting), progress=say) if ready is None else ready.result()
+        result = smooth(at(chosen.setting), progress=say) if ready is None else ready.result()
     slopes, state_slopes = _slopes(knobs, best)
     found = Weighing(
         recommended=result,
         chosen=chosen.setting.name,
         why=unreliable(best.arrived, result.notes) + why,
-        components=found_of,
+        components=components(told, answers),
         correlation=_correlation(knobs, best),
         moves=_moves(outcomes),
         slopes=slopes,
@@ -144,7 +139,7 @@ def weigh(
         varied=wanted,
     )
     beside = [f"{knobs.outliers} samples that lie far off are left out of the study, the same ones at all weights."][: knobs.outliers]
-    said = *words(found), *of_each(found), *judge.notes, *tightened(found), *beside, *_of_the_fit(found)
+    said = *words(found), *of_each(found), *judged.result().notes, *tightened(found), *beside, *_of_the_fit(found)
     return replace(found, notes=(*([split] if split else []), *said))
 
 
@@ -154,43 +149,6 @@ def _wanted(problem: Problem, vary: Mapping[str, Iterable[float]] | None) -> dic
     if wanted:
         check_labels(wanted, labels_of(opened(problem).posed))
     return wanted
-
-
-def _at(problem: Problem, knobs: Turned, theta: Array) -> Problem:
-    """An opened problem with the weights theta, rates of drift among them."""
-    stds, of_each = knobs.stds(theta), dict[str, float]()
-    for output, own in own_noises(problem).items():
-        of_each |= {case_name(output, recording): std for recording, std in own.items()}
-    W, V = ({w.name: stds[w.label] for w in knobs.weights if w.kind == kind} for kind in ("W", "V"))
-    for w, factor in zip(knobs.weights, np.exp(theta), strict=True):
-        if w.own:
-            each = {**{case: std for case, std in of_each.items() if case.startswith(f"{w.name} [")}, **dict(w.own)}
-            V |= {case: std * float(factor) for case, std in each.items()}
-    drifts = {w.name: stds[w.label] for w in knobs.weights if w.kind == "drift"}
-    drifting = {name: replace(free, drift=drifts[name]) for name, free in problem.varying.items() if name in drifts}
-    weights = replace(problem.weights, W={**problem.weights.W, **W}, V={**problem.weights.V, **V})
-    return replace(problem, weights=weights, parameters={**problem.parameters, **drifting})
-
-
-def _solved(stand: Stand, chains: list[list[Setting]], pool: Executor, ahead: int, keep: Path | None, say: Progress) -> list[Outcome]:
-    """All settings, those that were kept and the others side by side, so many chains at once; those of one theta are solved once."""
-    blob, wanted, apart = pickle.dumps(stand), list(chain.from_iterable(chains)), once(chains)
-    store, number = Store(keep, stand.identity), sum(len(c) for c in apart)
-    found = {s.theta: kept for s in chain.from_iterable(apart) if (kept := store.get(s)) is not None}
-    left = [c for c in apart if any(s.theta not in found for s in c)]  # whole: what a chain gives hangs on where it came from
-    left.sort(key=partial(_quick, stand.fitted.noise))
-    say(f"setting {len(found)} of {number}")
-    for _, outcomes in as_finished(pool, enumerate(partial(solve, blob, c) for c in left), ahead):
-        for outcome in outcomes:
-            store.put(outcome)
-            found[outcome.setting.theta] = outcome
-            say(f"setting {len(found)} of {number}")
-    return [replace(found[s.theta], setting=s) for s in wanted]
-
-
-def _quick(noise: Mask, chain: list[Setting]) -> tuple[bool, int, float]:
-    """The lower, the longer a chain may take, and the sooner it begins: samples that must be followed more closely take more steps."""
-    return chain[0].group != "candidate", -len(chain), min(float(np.min(np.array(s.theta)[noise], initial=np.inf)) for s in chain)
 
 
 def _of_the_fit(found: Weighing) -> list[str]:
