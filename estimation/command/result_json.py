@@ -65,6 +65,8 @@ def result_of_tracking(answer: Tracking) -> dict[str, Any]:
 
 def result_of_weighing(found: Weighing) -> dict[str, Any]:
     """The content of result.json for `weigh`: that of smoothing with the recommended weights, the table of settings, and the reasons."""
+    from ..weighing.chosen import grid
+
     weights = _weights(found.recommended.weights)
     drifts = {label.removeprefix("drift of "): std for label, std in found.best.weights.items() if label.startswith("drift of ")}
     weights |= {"drift": {name: {"std": std} for name, std in drifts.items()}} if drifts else {}
@@ -73,8 +75,9 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
         if name in weights.get(kind, {}):
             low, high = component.interval
             weights[kind][name] |= {"from_data": component.std, "interval": [low, high], "p_zero": component.p_zero}
+    factors = {name: {"factors": dict(zip(found.varied, of, strict=True))} for name, of in grid(found.varied).items()}
     return result_of_smoothing(found.recommended, command="weigh") | {
-        "study": [_setting(o) | _factors(found, o) for o in found.outcomes],
+        "study": [_setting(o) | factors.get(o.setting.name, {}) for o in found.outcomes],
         "recommended": {**weights, "setting": found.chosen, "why": found.why},
         "influence": {
             label: {
@@ -106,14 +109,6 @@ def _setting(o: Outcome) -> dict[str, Any]:
         "held_out": o.held_out,
         "condition": o.condition,
     }
-
-
-def _factors(found: Weighing, o: Outcome) -> dict[str, Any]:
-    """Of a setting that the user chose, the factor on the std of every weight that is turned."""
-    from ..weighing.chosen import grid
-
-    factors = grid(found.varied).get(o.setting.name)
-    return {} if factors is None else {"factors": dict(zip(found.varied, factors, strict=True))}
 
 
 def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
