@@ -8,6 +8,11 @@ in `curvature.py`: block k holds the interior of interval k, x(t_(k+1)) and the 
 them from x(t_k); the first knot of every horizon, the multipliers of what must hold there, and the parameters form the border. Where a
 step leads off curved constraints it is corrected by J p = -c(X + s) before it is shortened. Parameters stay within their bounds: the
 step is the least of its quadratic there, all trajectories coming along. The work of a step is linear in the length of the record.
+
+Damping holds parameters too, for they go no further than trajectories come along: past a body that sticks and slips they creep. Where they
+should be the step without damping tells well, and trajectories find their way there when it is done. So where steps have been damped for
+long, parameters take that step alone and stay while trajectories follow. What it was worth is told some steps later: a watchdog, for the
+cost may rise meanwhile (Nocedal & Wright, section 15.6).
 """
 
 from __future__ import annotations
@@ -35,6 +40,8 @@ SHORTEST = 1e-4  # step length at which exact second derivatives lead further, a
 TIRED, LITTLE = 8, 0.1  # steps in a row that were as short, or were damped and saved no more, a log-likelihood
 CURVED, STRAIGHT = 0.2, 0.9  # lengths of a step below which the next one is damped more, and above which less
 DAMPED, LEAST_DAMPED, MOST_DAMPED = 1e-3, 1e-6, 1e3  # by how much at first, as a share of the diagonal, at least and at most
+PACE, HOLD, PATIENCE = 8, 10, 25  # damped steps before parameters leap, steps that they then stay for, and by which that must have paid
+VAIN = 2  # leaps in a row that have not: no more of them
 EPS = float(np.finfo(np.float64).tiny)
 
 
@@ -52,53 +59,112 @@ def descend_on_constraints(
     Where a valley bends, or no part of a step leads down, steps are damped (D. W. Marquardt, J. SIAM 11, 1963). What cannot go on (numbers
     that are not finite, a matrix without an inverse, damped steps that lead nowhere) ends where it is, unsolved.
     """
-    evaluated, end = nlp.evaluated, time.monotonic() + seconds
-    equal = [k for k, term in enumerate(nlp.terms) if term.equality]
-    here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
-    multipliers, mu, damping, still, solved, acceptable = np.zeros(nlp.constraint_count), 0.0, 0.0, False, False, False
-    iteration, lame, parts = 0, 0, list[Linearised]()
+    end, way, before, vain, since = time.monotonic() + seconds, _Way(nlp, values, lower, upper, tolerance), None, 0, 0
     for iteration in range(limit + 1):
-        if not here.finite:
+        over = iteration == limit or time.monotonic() > end
+        goes_on = way.step(over)
+        if before is not None and way.here.merit(way.mu) < before.merit(way.mu):
+            before, vain = None, 0
+        if before is not None and (not goes_on or iteration - since >= PATIENCE):
+            way.back(before)
+            before, vain, goes_on = None, vain + 1, not over
+        if not goes_on:
             break
-        parts = parts or [evaluated.linearised(number, here.X, values) for number in range(len(nlp.terms))]
-        squares = [part for part in parts if part.number not in equal]
-        g = evaluated.gradient(squares)
-        try:
-            H = evaluated.squares(squares)
-            H[:, range(H.shape[1]), range(H.shape[1])] *= 1.0 + damping
-            kkt = _Kkt(nlp, H, [parts[k] for k in equal], lower == upper)
-            s, multipliers = kkt.step(g, here.c, lower - here.X, upper - here.X)
-        except np.linalg.LinAlgError:
-            break
-        if not (np.all(np.isfinite(s)) and np.all(np.isfinite(multipliers))):
-            break
-        v = g + evaluated.gradient(_with_rows([parts[k] for k in equal], multipliers))
-        slope = float(np.max(np.abs(here.X - np.clip(here.X - v, lower, upper)), initial=0.0))
-        on_them = float(np.max(np.abs(here.c), initial=0.0)) <= max(FEASIBLE, 1e-4 * tolerance)
-        near, acceptable = slope <= tolerance and on_them, still and slope <= 1e3 * tolerance and on_them
-        solved = near and (tolerance <= FINE or float(-g @ s) <= tolerance)
-        if solved or acceptable or iteration == limit or time.monotonic() > end:
-            break
-        mu = max(mu, DEARER * float(np.max(np.abs(multipliers), initial=0.0)))
-        promise, merit = float(g @ s) - mu * here.off, here.merit(mu)
+        if before is None and way.damped >= PACE and vain < VAIN:
+            before, since = way.here, iteration
+            way.leap()
+    here = way.here
+    return Descent(
+        X=here.X,
+        cost=here.cost,
+        iterations=iteration,
+        solved=way.solved,
+        acceptable=way.acceptable,
+        finite=here.finite,
+        multipliers=way.multipliers,
+    )
+
+
+class _Way:
+    """Where a descent is, and how it goes on from there.
+
+    mu: of the merit; damped: steps in a row that were; solved, acceptable: whether it is at its end.
+    """
+
+    def __init__(self, nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float) -> None:
+        self.nlp, self.values, self.lower, self.upper, self.tolerance = nlp, values, lower, upper, tolerance
+        self.equal = [k for k, term in enumerate(nlp.terms) if term.equality]
+        self.here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
+        self.multipliers, self.mu = np.zeros(nlp.constraint_count), 0.0
+        self.solved = self.acceptable = self._still = False
+        self._damping, self.damped, self._lame, self._staying = 0.0, 0, 0, 0
+        self._parts = list[Linearised]()
+
+    def step(self, over: bool) -> bool:
+        """One step, or damping where it leads nowhere; whether there may be another. over: there may not, and none is taken."""
+        here = self.here
+        if not here.finite or (found := self._newton(self._damping)) is None:
+            return False
+        kkt, g, s, self.multipliers = found
+        v = g + self.nlp.evaluated.gradient(_with_rows([self._parts[k] for k in self.equal], self.multipliers))
+        slope = float(np.max(np.abs(here.X - np.clip(here.X - v, self.lower, self.upper)), initial=0.0))
+        on_them = float(np.max(np.abs(here.c), initial=0.0)) <= max(FEASIBLE, 1e-4 * self.tolerance)
+        near, self.acceptable = slope <= self.tolerance and on_them, self._still and slope <= 1e3 * self.tolerance and on_them
+        self.solved = near and (self.tolerance <= FINE or float(-g @ s) <= self.tolerance)
+        if self.solved or self.acceptable or over:
+            return False
+        self.mu = max(self.mu, DEARER * float(np.max(np.abs(self.multipliers), initial=0.0)))
+        promise, merit = float(g @ s) - self.mu * here.off, here.merit(self.mu)
         there = None
         if promise < -ROUNDED * merit:
-            there = _searched(nlp, values, here, s, kkt, mu, promise, (lower, upper))
+            there = _searched(self.nlp, self.values, here, s, kkt, self.mu, promise, (self.lower, self.upper))
         if there is None:
-            if -promise > max(LITTLE, ROUNDED * merit) and damping < MOST_DAMPED:
-                damping = max(100 * damping, DAMPED)
-                continue
-            acceptable = on_them and slope <= 1e3 * tolerance
-            break
-        length, saved = float(np.linalg.norm(there.X - here.X) / np.linalg.norm(s)), merit - there.merit(mu)
-        damping = _damped(damping, length)
-        still, here, parts = abs(saved) <= STILL * max(abs(merit), 1.0), there, []
-        lame = lame + 1 if length < WORTH or (damping > 0 and saved < LITTLE) else 0
-        if lame == TIRED:
-            break
-    return Descent(
-        X=here.X, cost=here.cost, iterations=iteration, solved=solved, acceptable=acceptable, finite=here.finite, multipliers=multipliers
-    )
+            if -promise > max(LITTLE, ROUNDED * merit) and self._damping < MOST_DAMPED:
+                self._damping = max(100 * self._damping, DAMPED)
+                return True
+            self.acceptable = on_them and slope <= 1e3 * self.tolerance
+            return False
+        length, saved = float(np.linalg.norm(there.X - here.X) / np.linalg.norm(s)), merit - there.merit(self.mu)
+        self._damping = _damped(self._damping, length)
+        self.damped = self.damped + 1 if self._damping > 0 and not self._staying else 0
+        self._still = abs(saved) <= STILL * max(abs(merit), 1.0)
+        self._to(there)
+        self._staying = max(self._staying - 1, 0)
+        self._lame = self._lame + 1 if length < WORTH or (self._damping > 0 and saved < LITTLE) else 0
+        return self._lame < TIRED
+
+    def leap(self) -> None:
+        """Parameters alone to where the step without damping leads; nowhere where there is none."""
+        self._staying = 0
+        if (found := self._newton(0.0)) is not None:
+            X, n = self.here.X.copy(), self.nlp.trajectory_size
+            X[n:] = np.clip(X + found[2], self.lower, self.upper)[n:]
+            self.back(_at(self.nlp, X, self.values))
+            self._staying = HOLD
+
+    def back(self, there: _Point) -> None:
+        """On from another point, where nothing is known yet."""
+        self._to(there)
+        self.solved = self.acceptable = self._still = False
+        self._damping, self.damped, self._lame, self._staying = DAMPED, 0, 0, 0
+
+    def _to(self, there: _Point) -> None:
+        self.here, self._parts = there, []
+
+    def _newton(self, damping: float) -> tuple[_Kkt, Array, Array, Array] | None:
+        """The matrix here, the gradient of the cost, the step and the multipliers; None where there is none."""
+        evaluated, here = self.nlp.evaluated, self.here
+        self._parts = self._parts or [evaluated.linearised(number, here.X, self.values) for number in range(len(self.nlp.terms))]
+        squares = [part for part in self._parts if part.number not in self.equal]
+        g, H = evaluated.gradient(squares), evaluated.squares(squares)
+        H[:, range(H.shape[1]), range(H.shape[1])] *= 1.0 + damping
+        try:
+            kkt = _Kkt(self.nlp, H, [self._parts[k] for k in self.equal], self.lower == self.upper)
+            room = (0.0 * here.X,) * 2 if self._staying else (self.lower - here.X, self.upper - here.X)
+            s, multipliers = kkt.step(g, here.c, *room)
+        except np.linalg.LinAlgError:
+            return None
+        return (kkt, g, s, multipliers) if np.all(np.isfinite(s)) and np.all(np.isfinite(multipliers)) else None
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from examples import compiled, lagged, near_the_swing, number, pendulum, random_horizon, stiffening, swung
 
-from backsight.ocp import ParameterPrior, Solver, Transcription, transcribe
+from backsight.data.generators import drillstring
+from backsight.models import compile_model
+from backsight.models.plants import PLANTS
+from backsight.ocp import Horizon, Mesh, ParameterPrior, Solver, Transcription, constrained, transcribe
 from backsight.ocp.constrained import _Kkt, descend_on_constraints, supported
 from backsight.ocp.nlp import Values
+from backsight.ocp.passing import passing_through
 
 MODELS = {"lagged": compiled(lagged()), "stiffening": compiled(stiffening())}
 
@@ -151,3 +156,73 @@ def test_where_no_part_of_a_step_leads_down_a_damped_one_does():
     kkt = np.block([[J.T @ J, A.T], [A, np.zeros((len(A), len(A)))]])
     s = np.linalg.lstsq(kkt, np.concatenate([-J.T @ r, -c]), rcond=None)[0][: t.nlp.size]
     assert -(J.T @ r) @ s < 0.1  # a plain step would save no more than that of the cost, to first order
+
+
+def stuck_and_slipping(seed: int, off: list[float]) -> tuple[Transcription, Values, np.ndarray, np.ndarray]:
+    """A recorded string with a bit that nobody sees, started where the bit goes that has other numbers: the model's times `off`."""
+    run, dae, rows = drillstring.record(seed=seed), compile_model(PLANTS["drillstring"]()), slice(0, 1000)
+    time = run.time[rows]
+    h = Horizon(
+        mesh=Mesh(time),
+        time=time,
+        inputs=np.column_stack([run.inputs[i.name] for i in dae.inputs])[rows],
+        target=np.column_stack([run.outputs[o.name] for o in dae.outputs])[rows],
+        target_std=np.tile([run.noise[o.name] for o in dae.outputs], (len(time), 1)),
+        initial=np.zeros(len(dae.states)),
+        initial_std=np.full(len(dae.states), np.inf),
+    )
+    free, parameters = number(dae, "string.k", "bha.J", "bit.tau_sl", "bit.tau_st"), np.array([p.value for p in dae.parameters])
+    parameters[list(number(dae, "bit.width"))] = 0.06
+    first = parameters[list(free)] * off
+    prior = ParameterPrior(mean=first, std=np.full(len(free), 1e3))
+    t = transcribe(dae, [h], free=free, prior=prior, force_std={0: 0.02, 1: 0.005, 2: 0.005})
+    shown = {**run.truth, **bit_behind(time, run.truth["rotary_table.omega"], *first)}
+    states = np.array([shown[q.name][rows] for q in dae.states])
+    followed = passing_through(t, lambda _, times: (np.array([np.interp(times, time, x) for x in states]), np.zeros((0, len(times)))))
+    start, values = np.concatenate([followed, first]), t.nlp.values(parameters)
+    diagonal = Solver(t.nlp).weights(start, values)
+    values = t.nlp.about(replace(values, unit=1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))), start)
+    lower, upper = bounds(t)
+    lower[t.nlp.trajectory_size :] = 1e-6
+    return t, values, values.scaled(lower), values.scaled(upper)
+
+
+def bit_behind(time: np.ndarray, table: np.ndarray, k: float, J: float, sliding: float, breakaway: float) -> dict[str, np.ndarray]:
+    """Twist and speed of a bit on a string that the table winds, by small implicit steps of its own equations."""
+    twist, speed, parts = np.zeros(len(time)), np.zeros(len(time)), 40
+    for i, h in enumerate(np.diff(time) / parts):
+        phi, v = twist[i], speed[i]
+        for j in range(parts):
+            phi_dot, x = table[i] + (table[i + 1] - table[i]) * j / parts - v, v
+            level, torque = sliding + (breakaway - sliding) * np.exp(-abs(v)), k * phi - 0.001 * v
+            for _ in range(6):
+                rounded = np.tanh(x / 0.06)
+                x -= (J * (x - v) / h - torque + level * rounded) / (J / h + level * (1.0 - rounded**2) / 0.06)
+            phi, v = phi + h * phi_dot, x
+        twist[i + 1], speed[i + 1] = phi, v
+    return {"string.dphi": twist, "bha.omega": speed}
+
+
+@pytest.mark.parametrize(("seed", "off"), [(2, [1.0, 1.0, 0.4, 0.4]), (3, [1.2, 1.2, 1.6, 1.3])])
+def test_past_a_bit_that_sticks_parameters_leap_where_damped_steps_creep(seed, off, monkeypatch):
+    t, values, lower, upper = stuck_and_slipping(seed, off)
+    leapt = descend_on_constraints(t.nlp, values, lower, upper, 1e-2, 120)
+    monkeypatch.setattr(constrained, "VAIN", 0)
+    crept = descend_on_constraints(t.nlp, values, lower, upper, 1e-2, 120)
+    assert leapt.cost < 0.7 * crept.cost
+    assert np.abs(t.nlp.evaluated.rows(leapt.X, values)[[term.equality for term in t.nlp.terms].index(True)]).max() < 1e-6
+
+
+def test_wherever_a_descent_ends_it_is_not_in_the_middle_of_a_leap(monkeypatch):
+    t, values, lower, upper = stuck_and_slipping(3, [1.2, 1.2, 1.6, 1.3])
+    leap, dearer = constrained._Way.leap, list[bool]()
+
+    def watched(way: constrained._Way) -> None:
+        before = way.here.cost
+        leap(way)
+        dearer.append(way.here.cost > before)
+
+    monkeypatch.setattr(constrained._Way, "leap", watched)
+    costs = [descend_on_constraints(t.nlp, values, lower, upper, 1e-2, limit).cost for limit in range(7, 28, 2)]
+    assert any(dearer)
+    assert all(later <= before * (1 + 1e-6) for before, later in itertools.pairwise(costs))
