@@ -66,7 +66,7 @@ def descend_on_constraints(
         if before is not None and way.here.merit(way.mu) < before.merit(way.mu):
             before, vain = None, 0
         if before is not None and (not goes_on or iteration - since >= PATIENCE):
-            way.back(before)
+            way.restart(before)
             before, vain, goes_on = None, vain + 1, not over
         if not goes_on:
             break
@@ -139,11 +139,11 @@ class _Way:
         if (found := self._newton(0.0)) is not None:
             X, n = self.here.X.copy(), self.nlp.trajectory_size
             X[n:] = np.clip(X + found[2], self.lower, self.upper)[n:]
-            self.back(_at(self.nlp, X, self.values))
+            self.restart(_at(self.nlp, X, self.values))
             self._staying = HOLD
 
-    def back(self, there: _Point) -> None:
-        """On from another point, where nothing is known yet."""
+    def restart(self, there: _Point) -> None:
+        """Go on from another point, of which nothing is known yet."""
         self._to(there)
         self.solved = self.acceptable = self._still = False
         self._damping, self.damped, self._lame, self._staying = DAMPED, 0, 0, 0
