@@ -10,9 +10,9 @@ step leads off curved constraints it is corrected by J p = -c(X + s) before it i
 step is the least of its quadratic there, all trajectories coming along. The work of a step is linear in the length of the record.
 
 Damping holds parameters too, for they go no further than trajectories come along: past a body that sticks and slips they creep. Where they
-should be the step without damping tells well, and trajectories find their way there when it is done. So where steps have been damped for
-long, parameters take that step alone and stay while trajectories follow. What it was worth is told some steps later: a watchdog, for the
-cost may rise meanwhile (Nocedal & Wright, section 15.6).
+should be the step without damping tells well, and trajectories find their way there when it is done. So where damped steps have long saved
+far less than it promises, parameters take that step alone and stay while trajectories follow. What it was worth is told some steps later:
+a watchdog, for the cost may rise meanwhile (Nocedal & Wright, section 15.6).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ TIRED, LITTLE = 8, 0.1  # steps in a row that were as short, or were damped and 
 CURVED, STRAIGHT = 0.2, 0.9  # lengths of a step below which the next one is damped more, and above which less
 DAMPED, LEAST_DAMPED, MOST_DAMPED = 1e-3, 1e-6, 1e3  # by how much at first, as a share of the diagonal, at least and at most
 PACE, HOLD, PATIENCE = 8, 10, 25  # damped steps before parameters leap, steps that they then stay for, and by which that must have paid
-VAIN = 2  # leaps in a row that have not: no more of them
+CREEPING, VAIN = 5.0, 2  # times what these steps saved: the promise of a leap; leaps in a row that have not paid: no more of them
 EPS = float(np.finfo(np.float64).tiny)
 
 
@@ -71,8 +71,9 @@ def descend_on_constraints(
         if not goes_on:
             break
         if before is None and way.damped >= PACE and vain < VAIN:
-            before, since = way.here, iteration
-            way.leap()
+            there = way.here
+            if way.leap():
+                before, since = there, iteration
     here = way.here
     return Descent(
         X=here.X,
@@ -97,7 +98,7 @@ class _Way:
         self.here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
         self.multipliers, self.mu = np.zeros(nlp.constraint_count), 0.0
         self.solved = self.acceptable = self._still = False
-        self._damping, self.damped, self._lame, self._staying = 0.0, 0, 0, 0
+        self._damping, self.damped, self._lame, self._staying, self._first = 0.0, 0, 0, 0, np.inf
         self._parts = list[Linearised]()
 
     def step(self, over: bool) -> bool:
@@ -126,6 +127,7 @@ class _Way:
             return False
         length, saved = float(np.linalg.norm(there.X - here.X) / np.linalg.norm(s)), merit - there.merit(self.mu)
         self._damping = _damped(self._damping, length)
+        self._first = merit if self.damped == 0 else self._first
         self.damped = self.damped + 1 if self._damping > 0 and not self._staying else 0
         self._still = abs(saved) <= STILL * max(abs(merit), 1.0)
         self._to(there)
@@ -133,14 +135,17 @@ class _Way:
         self._lame = self._lame + 1 if length < WORTH or (self._damping > 0 and saved < LITTLE) else 0
         return self._lame < TIRED
 
-    def leap(self) -> None:
-        """Parameters alone to where the step without damping leads; nowhere where there is none."""
-        self._staying = 0
-        if (found := self._newton(0.0)) is not None:
-            X, n = self.here.X.copy(), self.nlp.trajectory_size
-            X[n:] = np.clip(X + found[2], self.lower, self.upper)[n:]
-            self.restart(_at(self.nlp, X, self.values))
-            self._staying = HOLD
+    def leap(self) -> bool:
+        """Parameters alone to where the step without damping leads; whether they went there, for damped steps creep."""
+        found, here, n = self._newton(0.0), self.here, self.nlp.trajectory_size
+        self.damped, saved = 0, self._first - here.merit(self.mu)
+        if found is None or float(-found[1] @ found[2]) < CREEPING * saved:
+            return False
+        X = here.X.copy()
+        X[n:] = np.clip(X + found[2], self.lower, self.upper)[n:]
+        self.restart(_at(self.nlp, X, self.values))
+        self._staying = HOLD
+        return True
 
     def restart(self, there: _Point) -> None:
         """Go on from another point, of which nothing is known yet."""
