@@ -57,8 +57,10 @@ def predict(problem: Problem, result: Smoothing, smooth: Callable[[Problem], Smo
         if recording.role != "held_out":
             continue
         try:
-            prediction, (piece, run) = _prediction(problem, result, recording, smooth)
+            prediction, (piece, run), lost = _prediction(problem, result, recording, smooth)
             found[recording.name] = prediction
+            if lost:
+                notes.append(f"Held out: of {recording.name} the start of {lost} was not found; what follows it is not predicted.")
             kept = remembering(problem.dae, result, piece, run)
             notes.append(_sentence(result, recording, prediction, kept, _own_ones(problem, result, prediction)))
         except (ModelError, SolveError) as error:
@@ -116,9 +118,11 @@ def _heads(recording: Recording) -> list[_Head]:
 
 def _prediction(
     problem: Problem, result: Smoothing, recording: Recording, smooth: Callable[[Problem], Smoothing]
-) -> tuple[Prediction, tuple[Recording, Trajectory]]:
-    heads = _heads(recording)
-    states, own = _states(problem, result, recording, heads, smooth)
+) -> tuple[Prediction, tuple[Recording, Trajectory], str]:
+    """The prediction, that of its longest piece, and of what no start was found, in words."""
+    every = _heads(recording)
+    states, own = _states(problem, result, recording, every, smooth)
+    heads = [head for head in every if head.name in states]
     whole, runs, errors = [], list[tuple[_Head, Trajectory]](), {name: [np.empty(0)] for name in recording.outputs}
     for head in heads:
         rows = head.piece.time[head.rows]
@@ -147,7 +151,9 @@ def _prediction(
         window_rms={name: float(np.sqrt(np.nanmean(e**2))) for name, e in ahead.items() if np.isfinite(e).any()},
         own=own[longest.name],
     )
-    return prediction, (longest.piece, run)
+    lost = [sum(head.window is kind for head in every) - sum(head.window is kind for head in heads) for kind in (True, False)]
+    words = " and ".join(f"{n} {what}{'s' * (n > 1)}" for n, what in zip(lost, ("window", "piece"), strict=True) if n)
+    return prediction, (longest.piece, run), words
 
 
 def _states(
@@ -155,7 +161,8 @@ def _states(
 ) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
     """The smoothed rows of every head, all in one problem; and the parameters that vary as each head tells them, at its end.
 
-    Only where the recording itself starts is anything known beforehand.
+    Where that does not converge each is smoothed by itself, and those that do not are left out. Only where the recording itself starts is
+    anything known beforehand.
     """
     pieces = []
     for head in heads:
@@ -183,13 +190,18 @@ def _states(
         initial=problem.initial,
         bounds=problem.bounds,
     )
-    smoothed = smooth(fixed)
-    if not smoothed.solver.converged:
-        raise SolveError(f"its start was not found: {smoothed.solver.status.rstrip('.')}")
-    tables = {piece.name: smoothed.estimates[piece.name] for piece in pieces}
+    together = smooth(fixed)
+    if together.solver.converged:
+        smoothed = dict.fromkeys((piece.name for piece in pieces), together)
+    else:
+        alone = {piece.name: smooth(replace(fixed, recordings=[piece])) for piece in pieces} if len(pieces) > 1 else {}
+        smoothed = {name: found for name, found in alone.items() if found.solver.converged}
+        if not any(head.name in smoothed for head in heads if not head.window):
+            raise SolveError(f"its start was not found: {together.solver.status.rstrip('.')}")
+    tables = {name: found.estimates[name] for name, found in smoothed.items()}
     own = {
         k: {
-            name: float(table[name].iloc[-1]) if free.drift is not None else smoothed.parameters[case_name(name, k)].value
+            name: float(table[name].iloc[-1]) if free.drift is not None else smoothed[k].parameters[case_name(name, k)].value
             for name, free in varying.items()
         }
         for k, table in tables.items()

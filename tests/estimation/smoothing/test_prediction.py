@@ -11,6 +11,7 @@ from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.command.result_json import result_of_smoothing
+from backsight.estimation.smoothing.prediction import _heads, predict
 from backsight.models import InputError
 from backsight.models.plants import actuator
 
@@ -208,3 +209,32 @@ def test_rows_that_told_the_start_do_not_count_in_the_fit():
 def test_what_is_known_of_a_start_is_known_of_that_of_a_held_out_recording():
     s = fitted(record("other", 2, start=(-0.1, -0.1)), initial={"mass.v": Known(-0.1, 1e-5)})
     assert s.held_out["other"].estimates["mass.v"].iloc[0] == pytest.approx(-0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize("offset", [OFFSET, Free(0.0, per_recording=True)], ids=["fixed", "of its own"])
+def test_starts_that_are_not_found_together_are_found_one_by_one_and_those_that_are_not_are_left_out(offset):
+    given = {"mass.m": Free(3.0), "spring.k": Free(30.0), "offset.f": offset}
+    recordings = [record("fit", 1, role="fit"), record("fit too", 3, role="fit"), record("other", 2)]
+    problem = Problem(model=MODEL, recordings=recordings, parameters=given, weights=Weights(W={"mass": 0.02}))
+    result = smooth(problem)
+    stopped = replace(result, solver=replace(result.solver, converged=False, status="Stopped."))
+    hopeless: list[str] = []
+
+    def one_by_one(posed: Problem) -> Smoothing:
+        names = [r.name for r in posed.recordings]
+        return smooth(posed) if len(names) == 1 and names[0] not in hopeless else stopped
+
+    usual, _ = predict(problem, result, smooth)
+    found, notes = predict(problem, result, one_by_one)
+    assert found["other"].window_rms["x"] == pytest.approx(usual["other"].window_rms["x"], rel=1e-2)
+    np.testing.assert_allclose(found["other"].estimates["x"], usual["other"].estimates["x"], atol=1e-3 * STD)
+    assert "not found" not in " ".join(notes)
+    windows = [head.name for head in _heads(recordings[2]) if head.window]
+    hopeless += windows[:2]
+    fewer, notes = predict(problem, result, one_by_one)
+    assert "Held out: of other the start of 2 windows was not found; what follows it is not predicted." in notes
+    assert fewer["other"].window_rms["x"] != found["other"].window_rms["x"]
+    hopeless += [head.name for head in _heads(recordings[2]) if not head.window]
+    none, notes = predict(problem, result, one_by_one)
+    assert not none
+    assert notes == ("Held out: other could not be predicted: its start was not found: Stopped.",)
