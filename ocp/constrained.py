@@ -40,7 +40,8 @@ SHORTEST = 1e-4  # step length at which exact second derivatives lead further, a
 TIRED, LITTLE = 8, 0.1  # steps in a row that were as short, or were damped and saved no more, a log-likelihood
 CURVED, STRAIGHT = 0.2, 0.9  # lengths of a step below which the next one is damped more, and above which less
 DAMPED, LEAST_DAMPED, MOST_DAMPED = 1e-3, 1e-6, 1e3  # by how much at first, as a share of the diagonal, at least and at most
-PACE, HOLD, PATIENCE = 8, 10, 25  # damped steps before parameters leap, steps that they then stay for, and by which that must have paid
+PACE, HOLD = 8, 10  # damped steps before parameters leap, and steps that they then stay for
+PATIENCE = 25  # steps by which that must have paid; there must be room for twice as many
 CREEPING, VAIN = 5.0, 2  # times what these steps saved: the promise of a leap; leaps in a row that have not paid: no more of them
 EPS = float(np.finfo(np.float64).tiny)
 
@@ -70,7 +71,7 @@ def descend_on_constraints(
             before, vain, goes_on = None, vain + 1, not over
         if not goes_on:
             break
-        if before is None and way.damped >= PACE and vain < VAIN:
+        if before is None and way.damped >= PACE and vain < VAIN and iteration + 2 * PATIENCE <= limit:
             there = way.here
             if way.leap():
                 before, since = there, iteration

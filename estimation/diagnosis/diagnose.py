@@ -39,7 +39,7 @@ from .words import CONTRADICTED
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
 PATIENT = Options(
-    tolerance=1e-2, gauss_newton_iterations=100, max_iterations=100
+    tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100
 )  # a hundredth of a deviation is near enough, and friction is rough
 SEARCH = 840.0  # s, from the beginning to the end of the search
 PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out
