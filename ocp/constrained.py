@@ -138,12 +138,14 @@ class _Way:
 
     def leap(self) -> bool:
         """Parameters alone to where the step without damping leads; whether they went there, for damped steps creep."""
-        found, here, n = self._newton(0.0), self.here, self.nlp.trajectory_size
-        self.damped, saved = 0, self._first - here.merit(self.mu)
-        if found is None or float(-found[1] @ found[2]) < CREEPING * saved:
+        self.damped, here, n = 0, self.here, self.nlp.trajectory_size
+        if (found := self._newton(0.0)) is None:
+            return False
+        _, g, s, _ = found
+        if float(-g @ s) < CREEPING * (self._first - here.merit(self.mu)):
             return False
         X = here.X.copy()
-        X[n:] = np.clip(X + found[2], self.lower, self.upper)[n:]
+        X[n:] = np.clip(X + s, self.lower, self.upper)[n:]
         self.restart(_at(self.nlp, X, self.values))
         self._staying = HOLD
         return True
@@ -166,8 +168,8 @@ class _Way:
         H[:, range(H.shape[1]), range(H.shape[1])] *= 1.0 + damping
         try:
             kkt = _Kkt(self.nlp, H, [self._parts[k] for k in self.equal], self.lower == self.upper)
-            room = (0.0 * here.X,) * 2 if self._staying else (self.lower - here.X, self.upper - here.X)
-            s, multipliers = kkt.step(g, here.c, *room)
+            low, high = (here.X, here.X) if self._staying else (self.lower, self.upper)
+            s, multipliers = kkt.step(g, here.c, low - here.X, high - here.X)
         except np.linalg.LinAlgError:
             return None
         return (kkt, g, s, multipliers) if np.all(np.isfinite(s)) and np.all(np.isfinite(multipliers)) else None

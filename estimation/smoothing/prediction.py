@@ -17,6 +17,7 @@ recording; the windows are then the better measure.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -151,8 +152,8 @@ def _prediction(
         window_rms={name: float(np.sqrt(np.nanmean(e**2))) for name, e in ahead.items() if np.isfinite(e).any()},
         own=own[longest.name],
     )
-    lost = [sum(head.window is kind for head in every) - sum(head.window is kind for head in heads) for kind in (True, False)]
-    words = " and ".join(f"{n} {what}{'s' * (n > 1)}" for n, what in zip(lost, ("window", "piece"), strict=True) if n)
+    lost = Counter("window" if head.window else "piece" for head in every if head.name not in states)
+    words = " and ".join(f"{n} {what}{'s' * (n > 1)}" for what in ("window", "piece") if (n := lost[what]))
     return prediction, (longest.piece, run), words
 
 
