@@ -37,6 +37,9 @@ SPREAD = 4.0  # factor on a parameter, up or down, from start to start
 PAID = 1e-3  # the share of the cost that a step must save for another one to be worth its while
 
 BEGINNING = 10  # share of a recording by which it is told how the unseen begin, inverse
+SHOT = 200  # instants by which that is told, at least, where parameters are known
+UNTOLD = 1.0  # of the cost: what other starts may save of it and nobody can tell
+HOPELESS = 1e3  # of its usual size: what a balance leaves over that has no finite answer
 
 
 @dataclass(frozen=True)
@@ -73,15 +76,48 @@ class Seen:
         motion, though the rate of that twist would tell the speed: with it a search ends as often as not where it fits the first instants
         best. known (n,): of the start, NaN where nothing is.
         """
-        count = max(len(instants) // BEGINNING, 2)
-        instants, along = instants[: count + 1], tuple(a[:, :count] for a in along)
-        zero, told = np.zeros(len(self.driven.rows)), self._told(tuple(a[:, : max(count // BEGINNING, 1)] for a in along), parameters)
-        firsts = [self.driven.resting(along, parameters), zero, told]
-        if known is not None:
-            firsts = [np.where(np.isfinite(known), known, first) for first in firsts]
-        left = [rms(self.left(self.driven.go(instants, along, parameters, first), along, parameters)[0]) for first in firsts]
+        instants, along = _beginning(instants, along, 2)
+        firsts = self._firsts(along, parameters, known)
+        left = [rms(self._left_from(first, instants, along, parameters)) for first in firsts]
         size = [float(np.sum(np.log(np.maximum(x, 1e-300)))) if np.isfinite(x).all() else np.inf for x in left]
         return firsts[int(np.argmin(size))]
+
+    def shot(self, instants: Array, along: tuple[Array, ...], parameters: Array, known: Array) -> Array:
+        """The same (n,) at parameters that are right: in motion, too, as what follows tells it, in SHOT instants or more.
+
+        By least squares from each of those, an instant that fits badly counting less than by its square. What moves none of the instants by
+        more than they are off stays where it is.
+        """
+        instants, along = _beginning(instants, along, SHOT)
+        asked, firsts = ~np.isfinite(known), self._firsts(along, parameters, known)
+        nominal = np.array([self.driven.dae.states[i].nominal for i in self.driven.rows])[asked]
+        size = np.min([rms(self._left_from(first, instants, along, parameters)) for first in firsts], axis=0)
+        if not asked.any() or not np.isfinite(size).all():
+            return firsts[0]
+
+        def filled(there: Array) -> Array:
+            first: Array = known.copy()
+            first[asked] = there
+            return first
+
+        def left(there: Array) -> Array:
+            r = self._left_from(filled(there), instants, along, parameters) / np.maximum(size, 1e-300)[:, None]
+            return np.asarray(np.nan_to_num(r.ravel(), nan=HOPELESS, posinf=HOPELESS, neginf=-HOPELESS), dtype=np.float64)
+
+        ends = [least_squares(left, first[asked], x_scale=nominal, loss="soft_l1", max_nfev=STEPS) for first in firsts]
+        best = min(ends, key=lambda end: float(end.cost))
+        still = [float(np.sum(np.sqrt(1.0 + left(first[asked]) ** 2) - 1.0)) for first in firsts]
+        return firsts[int(np.argmin(still))] if min(still) < best.cost + UNTOLD else filled(np.asarray(best.x))
+
+    def _firsts(self, along: tuple[Array, ...], parameters: Array, known: Array | None) -> list[Array]:
+        """Starts (n,): at rest, at zero, where the seen balances have the unseen; but for what is known (n,), NaN where nothing is."""
+        told = self._told(tuple(a[:, : max(along[0].shape[1] // BEGINNING, 1)] for a in along), parameters)
+        firsts = [self.driven.resting(along, parameters), np.zeros(len(self.driven.rows)), told]
+        return firsts if known is None else [np.where(np.isfinite(known), known, first) for first in firsts]
+
+    def _left_from(self, first: Array, instants: Array, along: tuple[Array, ...], parameters: Array) -> Array:
+        """F (balances, M) with the unseen driven from `first` (n,)."""
+        return self.left(self.driven.go(instants, along, parameters, first), along, parameters)[0]
 
     def _told(self, along: tuple[Array, ...], parameters: Array) -> Array:
         """Where the seen balances have the unseen, in the mean (n,); zero where they do not say."""
@@ -123,6 +159,12 @@ class Seen:
         F = pieces.balances()[: len(self.rows)]
         answers = [F, *(ca.jacobian(F, s) for s in self.driven.symbols)]
         return ca.Function("balances", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p, pieces.p_ref], [ca.densify(a) for a in answers])
+
+
+def _beginning(instants: Array, along: tuple[Array, ...], least: int) -> tuple[Array, tuple[Array, ...]]:
+    """The first instants, a share of all and `least` at least where there are as many, and what drives the unseen between them."""
+    count = max(len(instants) // BEGINNING, least)
+    return instants[: count + 1], tuple(a[:, :count] for a in along)
 
 
 def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Array, starts: int = 1) -> tuple[Array, float]:

@@ -39,6 +39,8 @@ from .work import ROUGH, Work, to_the_end
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
 
+SOON = 100  # steps with exact second derivatives to the start of a prediction, at most
+
 
 def smooth(
     problem: Problem,
@@ -98,8 +100,14 @@ def smoothing(
     if all(r.role == "fit" for r in posed.recordings) or not result.solver.converged:
         return result
     say("predicting what was held out")
-    held_out, notes = predict(posed, result, lambda pieces: smoothing(pieces, settings=replace(settings, step=None)))
+    held_out, notes = predict(posed, result, partial(smoothing, settings=_of_heads(settings)))
     return replace(result, held_out=held_out, notes=(*result.notes, *notes))
+
+
+def _of_heads(settings: Settings) -> Settings:
+    """A start has a deviation of its own, far larger than a rough tolerance; and what is not found soon is found in pieces, or not."""
+    options = _rougher(settings.options)
+    return replace(settings, step=None, options=replace(options, max_iterations=min(options.max_iterations, SOON)))
 
 
 def _rougher(options: Options) -> Options:

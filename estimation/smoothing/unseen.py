@@ -108,11 +108,11 @@ def sought(
 ) -> tuple[Followed, Array] | None:
     """The followed trajectories with the unseen states driven by them, at the parameters (np_all,) that balance what is seen best.
 
-    None where no friction law can hold what is unseen, where that has no balances to itself, or where nothing is free: the others are found
-    without (`complete`); and where no try of the search ends anywhere. Free parameters have a std about their guesses.
+    None where no friction law can hold what is unseen, or where that has no balances to itself: the others are found without (`complete`);
+    and where no try of the search ends anywhere. Free parameters have a std about their guesses; where none is only the start is sought.
     """
     part = sticking(problem, laws)
-    if part is None or not problem.free:
+    if part is None:
         return None
     alone = left_alone(problem, laws)
     begun = rounded(problem, alone, simulated(part, followed, start), start, ROUNDING)
@@ -126,7 +126,8 @@ def sought(
         for number, horizon in enumerate(followed.horizons):
             t = part.instants(followed, number)
             along = part.along(followed, number, (t[1:] + t[:-1]) / 2)
-            firsts.append(seen.begun(t, along, parameters, known_start(horizon)[list(part.rows)]))
+            told = seen.begun if problem.free else seen.shot  # at parameters that a search has found more fits than what is right
+            firsts.append(told(t, along, parameters, known_start(horizon)[list(part.rows)]))
         return simulated(part, followed, parameters, firsts)
 
     parameters = rounded(problem, alone, moved(parameters), parameters, ROUNDING)

@@ -223,6 +223,21 @@ def test_a_recording_may_begin_while_the_bit_slips(first, slips):
         assert left(np.zeros(len(true))) > left(true) + 0.08
 
 
+@pytest.mark.parametrize("first", [0.0, 2.0, 4.0, 5.0, 6.5])
+def test_where_all_parameters_are_known_the_unseen_begins_as_it_moves_there(first):
+    """At rest or slipping, as the instants that follow tell it; among free parameters a start in motion would fit anything."""
+    problem = replace(drilling({}, first), parameters=drilling({}, first).parameters | {"bit.width": 0.03})
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    found = sought(problem, followed, friction_laws(problem), problem.values, lambda _: None)
+    assert found is not None
+    times = np.linspace(0.0, 4.0, 401)[1:]
+    _, x, _ = found[0].at(0, times)
+    for i in string_and_bit(problem).rows:
+        name = problem.dae.states[i].name
+        true = np.interp(first + times, DRILLED.time - DRILLED.time[0], DRILLED.truth[name])
+        assert np.sqrt(np.mean((x[i] - true) ** 2)) < 0.25 * max(np.std(true), problem.dae.states[i].nominal), name
+
+
 @pytest.mark.slow
 def test_pieces_too_short_to_drive_anything_are_no_hindrance():
     rows = np.r_[0:4, 10:700, 720:724, 800:1500]

@@ -20,6 +20,8 @@ from backsight.estimation.weighing.components import Component, Found, doubted, 
 from backsight.estimation.weighing.kkt import gauss_newton, sensitivity
 from backsight.estimation.weighing.likelihood import Likelihood
 from backsight.estimation.weighing.turned import Turned, turned
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.translational import AccelerationSensor, Force, Mass, PositionSensor
 from backsight.models.plants import PLANTS
 
 
@@ -290,3 +292,38 @@ def test_a_parameter_that_comes_to_lie_on_its_bound_takes_no_step_of_the_likelih
     d = np.linspace(bound, bound + 8 * std, 4001)
     left = np.trapezoid(np.exp(-0.5 * ((d - best) / std) ** 2), d) / (0.5 * std * np.sqrt(2 * np.pi))
     assert on.value - inside.value == pytest.approx(np.log(left), abs=0.05 + 0.05 * abs(np.log(left)))
+
+
+SLED = Model(
+    name="sled",
+    components={"motor": Force(), "mass": Mass(m=2.0), "position": PositionSensor(), "accelerometer": AccelerationSensor()},
+    connections=[("motor.flange", f"{other}.flange") for other in ("mass", "position", "accelerometer")],
+    inputs={"F": "motor.f"},
+    outputs={"x": "position.s", "a": "accelerometer.a"},
+)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_force_and_the_noise_of_an_accelerometer_that_sees_it_at_once_are_told_apart_in_few_solves(monkeypatch, seed):
+    """White from sample to sample both are: the sum of their variances is told well, and their share by the position alone."""
+    rng, h, n, noise, white = np.random.default_rng(seed), 0.01, 300, {"x": 1e-2, "a": 0.25}, 0.05
+    time = h * np.arange(n)
+    u = 2 * np.sign(np.sin(2 * np.pi * time / 0.7 + 0.1))
+    a = (u + white / np.sqrt(h) * rng.standard_normal(n)) / 2.0
+    v = np.concatenate([[0.0], np.cumsum(a * h)[:-1]])
+    x = np.concatenate([[0.0], np.cumsum(v * h + a * h**2 / 2)[:-1]])
+    outputs = {name: y + noise[name] * rng.standard_normal(n) for name, y in {"x": x, "a": a}.items()}
+    problem = Problem(
+        model=compile_model(SLED),
+        recordings=[Recording(name="run", time=time, inputs={"F": u}, outputs=outputs, output_std=noise)],
+        parameters={"mass.m": 2.0},
+        weights=Weights(W={"mass": white}),
+    )
+    knobs, solves, solved = turned(problem, smooth(problem, settings=Settings(marginal=False))), [], components._at
+    monkeypatch.setattr(components, "_at", lambda *what: solves.append(what) or solved(*what))
+    best = maximise(knobs, np.zeros(3), np.ones(3, dtype=bool))
+    assert best.settled
+    assert len(solves) < 7  # 9 and 10 in steps of the logarithms
+    sum_of_both = np.exp(2 * best.theta[0]) * (white / 2.0) ** 2 / h + np.exp(2 * best.theta[2]) * noise["a"] ** 2
+    assert sum_of_both == pytest.approx((white / 2.0) ** 2 / h + noise["a"] ** 2, rel=0.25)
+    assert best.std[2] > 0.5 > 0.1 > best.std[1]
