@@ -12,9 +12,10 @@ from backsight.data.generators import drillstring
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solver, Transcription, constrained, transcribe
-from backsight.ocp.constrained import _Kkt, descend_on_constraints, supported
+from backsight.ocp.constrained import descend_on_constraints, supported
 from backsight.ocp.nlp import Values
 from backsight.ocp.passing import passing_through
+from backsight.ocp.saddle_point import SaddlePoint
 
 MODELS = {"lagged": compiled(lagged()), "stiffening": compiled(stiffening())}
 
@@ -60,11 +61,11 @@ def dense(t: Transcription, values: Values, X: np.ndarray) -> tuple[np.ndarray, 
     return np.concatenate(rows[False]), np.vstack(slopes[False]), np.concatenate(rows[True]), np.vstack(slopes[True])
 
 
-def factored(t: Transcription, values: Values, fixed: np.ndarray) -> _Kkt:
+def factored(t: Transcription, values: Values, fixed: np.ndarray) -> SaddlePoint:
     evaluated, X = t.nlp.evaluated, np.zeros(t.nlp.size)
     parts = [evaluated.linearised(k, X, values) for k in range(len(t.nlp.terms))]
     squares = [p for p in parts if not t.nlp.terms[p.number].equality]
-    return _Kkt(t.nlp, evaluated.squares(squares), [p for p in parts if t.nlp.terms[p.number].equality], fixed)
+    return SaddlePoint(t.nlp, evaluated.squares(squares), [p for p in parts if t.nlp.terms[p.number].equality], fixed)
 
 
 @pytest.mark.parametrize("known", [False, True], ids=["vague-start", "known-start"])
@@ -202,7 +203,7 @@ def bit_behind(time: np.ndarray, table: np.ndarray, k: float, J: float, sliding:
     return {"string.dphi": twist, "bha.omega": speed}
 
 
-@pytest.mark.parametrize(("seed", "off"), [(2, [1.0, 1.0, 0.4, 0.4]), (3, [1.2, 1.2, 1.6, 1.3])])
+@pytest.mark.parametrize(("seed", "off"), [(3, [1.2, 1.2, 1.6, 1.3]), (5, [1.2, 1.2, 1.5, 1.5])])
 def test_past_a_bit_that_sticks_parameters_leap_where_damped_steps_creep(seed, off, monkeypatch):
     t, values, lower, upper = stuck_and_slipping(seed, off)
     leapt = descend_on_constraints(t.nlp, values, lower, upper, 1e-2, 200)
