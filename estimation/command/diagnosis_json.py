@@ -32,12 +32,14 @@ def result_of_diagnosis(found: Diagnosis) -> dict[str, Any]:
 
 
 def _finding(f: Finding) -> dict[str, Any]:
+    from ..diagnosis.words import when
+
     return {
         "place": f.explanation.place,
         "family": f.explanation.family,
         "physics": f.explanation.physics,
         "parameters": {name: asdict(strength) for name, strength in f.explanation.parameters.items()},
-        "regime": f.regime,
+        "regime": when(f),
         "onset_s": f.onset,
         "share_of_force": f.share,
         "p_value": f.p_value,

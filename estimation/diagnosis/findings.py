@@ -12,12 +12,12 @@ from ..results import ResidualSummary, Smoothing
 from .candidates import Candidate
 from .choice import RIVAL, SAME, evened, sound
 from .offsets import PREFIX
+from .onsets import onset
 from .refit import Fitted
-from .regimes import onset
 from .score import Linearised
 from .screen import Screen, Screened
 from .shares import Sizes
-from .verdict import Class, Explanation, Finding, Strength, Tried
+from .verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
 
 Judged = tuple[Candidate, Screened | None, Fitted]
 
@@ -58,7 +58,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         gain=float(f.gain),
         change=_change(c, f.result),
         share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,
-        regime="whole record" if began is None else f"from {began:.4g} s on",
+        regime=EVERYWHERE if s is None or c.signals or began is not None else sizes.regime(s.look, s.estimate),
         onset=began,
         alternatives=tuple(others),
         rivals=tuple(rivals),

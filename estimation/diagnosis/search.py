@@ -35,8 +35,8 @@ from .fits import Base, Fits
 from .indistinct import indistinct
 from .library import library
 from .offsets import counted_out
+from .onsets import dated, late, moved
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
-from .regimes import dated, late, moved
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits

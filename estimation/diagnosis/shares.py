@@ -15,10 +15,11 @@ from ..results import Smoothing
 from ..smoothing.along import forces
 from ..smoothing.begun import followed_by
 from ..smoothing.rest import near_rest
+from .regimes import Mask, regime
 from .score import Linearised
 from .screen import SURE, Screen, Screened
 from .supermodel import Look
-from .verdict import Undetectable
+from .verdict import EVERYWHERE, Undetectable
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -40,18 +41,29 @@ class Sizes:
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
+        steps, found = self.solution.transcription.nlp.steps, dict[str, float]()
+        for name, force, use in self._acting(look, estimate):
+            found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=steps[use]))) / self.varying[name]
+        return found
+
+    def regime(self, look: Look, estimate: Array) -> str:
+        """Where a candidate acts at these strengths, in words, at the place where its force is the largest share."""
+        shares = self.shares(look, estimate)
+        there = max(self._acting(look, estimate), key=lambda acting: shares[acting[0]], default=None)
+        return EVERYWHERE if there is None else regime(self.solution, *there)
+
+    def _acting(self, look: Look, estimate: Array) -> list[tuple[str, Array, Mask]]:
+        """Place, force of a candidate there in the mean of every interval (N,), and which of these count: those away from rest, (N,)."""
         t, values = self.solution.transcription, self.solution.values
         moved = look.columns.multiplied @ estimate * self.base.sizes
-        first, rows, found = 0, dict[str, Array](), dict[str, float]()
+        first, rows = 0, dict[str, Array]()
         for term, scale in zip(t.nlp.terms, values.scale, strict=True):
             if term.equality or term.heavy:
                 rows[term.name] = moved[first : first + term.target.size].reshape(-1, term.target.shape[0]).T / scale
                 first += term.target.size
         moving = ~near_rest(t.force_std_at(values))
-        for name, force, there in zip(self.names, t.mean_forces(rows), moving, strict=True):
-            use = there if there.any() else np.ones_like(there)
-            found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=t.nlp.steps[use]))) / self.varying[name]
-        return found
+        counts = [there if there.any() else np.ones_like(there) for there in moving]
+        return list(zip(self.names, t.mean_forces(rows), counts, strict=True))
 
 
 def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:

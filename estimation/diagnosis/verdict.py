@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ..results import Smoothing
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+EVERYWHERE = "whole record"  # the regime of what acts wherever the machine moves
 REFUTED = 0.05  # chance that windows are predicted as much worse, or worse still, by a model that is as good
 
 Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
@@ -59,7 +60,7 @@ class Finding:
     p_value: float
     gain: float
     change: str
-    regime: str = "whole record"
+    regime: str = EVERYWHERE
     onset: float | None = None
     share: float | None = None
     alternatives: tuple[Explanation, ...] = ()

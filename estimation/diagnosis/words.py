@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from ..wording import listed, measured
-from .verdict import Diagnosis, Explanation, Finding, HeldOut, Strength
+from .verdict import EVERYWHERE, Diagnosis, Explanation, Finding, HeldOut, Strength
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
@@ -82,6 +82,7 @@ def chance(p: float) -> str:
 
 
 def when(finding: Finding) -> str:
-    """From 2.4 s on, while it moves forwards."""
+    """From 2.4 s on, forwards."""
     since = "" if finding.onset is None else f"from {finding.onset:.4g} s on"
-    return ", ".join(part for part in (since, finding.regime) if part)
+    there = "" if since and finding.regime == EVERYWHERE else finding.regime
+    return ", ".join(part for part in (since, there) if part)

@@ -1,89 +1,75 @@
-"""Effects that set in at a known time, and such as act all along."""
+"""Where an effect acts: at reversals, one way, at high speed, in a part of the way; or wherever the axis moves."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from concealed_axis import posed, run
+from concealed_axis import smoothed
 
-from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.regimes import ONSETS, dated, late, onset
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.regimes import EVERYWHERE, regime
+from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import looked_at
 
-DURATION = 1.5
+
+@pytest.fixture(scope="module")
+def axis():
+    """The solution of a smoothed axis, and its position and velocity in the middles of the intervals."""
+    _, result, _ = smoothed(1.0)
+    table, mesh = result.estimates["axis"], result.solution.transcription.horizons[0].mesh
+    middles = (mesh.knots[1:] + mesh.knots[:-1]) / 2
+    s, v = (np.interp(middles, table["t_s"], table[f"carriage.{name}"]) for name in ("s", "v"))
+    return result.solution, s, v
 
 
-def looks(physics: str, force, known=(), **carriage):
-    problem = posed(run(DURATION, 2e-3, force=force, **carriage), **dict(known))
-    result = smooth(problem)
-    base = Linearised(result.solution)
+def of(axis, force) -> str:
+    solution, s, v = axis
+    return regime(solution, "carriage", force(s, v), np.ones(len(s), dtype=bool))
+
+
+def test_friction_acts_wherever_it_moves_and_nothing_acts_nowhere(axis):
+    assert of(axis, lambda _, v: -np.sign(v)) == EVERYWHERE
+    assert of(axis, lambda _, v: 0 * v) == EVERYWHERE
+
+
+def test_the_most_crowded_regime_is_the_one_that_is_said(axis):
+    _, s, v = axis
+    rms = np.sqrt(np.mean(v**2))
+    assert of(axis, lambda _, v: np.exp(-((v / (0.05 * rms)) ** 2))) == "at reversals"
+    rarer = 1.0 if np.mean(v > 0) < 0.5 else -1.0
+    assert np.mean(rarer * v > 0) < 0.4
+    assert of(axis, lambda _, v: np.where(rarer * v > 0, 1.0, 0.1)) == ("forwards" if rarer > 0 else "backwards")
+    assert of(axis, lambda _, v: np.where(rarer * v < 0, 1.0, 0.1)) == EVERYWHERE  # it moves that way most of the time
+    fast = np.quantile(np.abs(v), 0.75)
+    said = of(axis, lambda _, v: np.maximum(np.abs(v) - fast, 0.0))
+    assert said.startswith("at speeds above ")
+    assert float(said.split()[3]) == pytest.approx(fast, rel=0.05)
+    low = np.linspace(s.min(), s.max(), 5)[3]
+    assert of(axis, lambda s, _: 1.0 * (s > low)) == f"at positions of {low:.3g} .. {s.max():.3g} m"
+
+
+def test_intervals_that_do_not_count_say_nothing(axis):
+    solution, _, v = axis
+    assert regime(solution, "carriage", np.where(v > 0, 1.0, 50.0), v > 0) == EVERYWHERE
+
+
+def test_a_place_without_a_motion_has_no_regime(axis):
+    solution, _, v = axis
+    assert regime(solution, "amplifier", np.where(v > 0, 1.0, 0.0), np.ones(len(v), dtype=bool)) == EVERYWHERE
+
+
+@pytest.mark.parametrize(
+    ("physics", "there"),
+    [
+        ("coulomb_friction", EVERYWHERE),
+        ("stribeck_friction", "at reversals"),
+        ("asymmetric_friction", "backwards"),
+        ("quadratic_drag", "at speeds above"),
+    ],
+)
+def test_a_candidate_acts_where_its_force_does(physics, there):
+    """The last strength of each alone: that of the peak at rest, that of one way."""
+    problem, result, base = smoothed(1.0)
     found = [c for c in library(problem, problem.model, result.solution) if c.key == ("carriage", physics)]
-    return base, looked_at(problem, problem.model, base, found)
-
-
-def judged(physics: str, force, known=(), **carriage):
-    """The best of what sets in, dated; None where nothing does."""
-    base, some = looks(physics, force, known, **carriage)
-    found = [s for s in screen(base, some, late(base, some)).found if s.candidate.onset is not None]
-    return dated(base, found[0]) if found else None
-
-
-@pytest.mark.parametrize("at", [0.5, 1.0])
-def test_a_force_that_sets_in_is_dated_and_measured(at):
-    found = judged("constant_force", lambda t, *_: np.array([-8.0 if t > at else 0.0]))
-    assert found.candidate.onset == pytest.approx(at, abs=DURATION / 200)
-    assert found.estimate == pytest.approx([8.0], rel=0.05)
-    assert found.candidate.edits[-1].words == f"constant_force_carriage.f from {found.candidate.onset:.4g} s on"
-
-
-def test_friction_that_sets_in_is_dated_too():
-    found = judged("coulomb_friction", lambda t, _, v: -8.0 * np.tanh(v / 1e-3) * (t > 0.8))
-    assert found.candidate.onset == pytest.approx(0.8, abs=DURATION / 100)
-    assert found.estimate == pytest.approx([8.0], rel=0.1)
-
-
-def test_so_is_friction_that_grows_where_the_model_estimates_friction():
-    grows = {"friction__f_c": Free(10.0)}
-    found = judged("coulomb_friction", lambda t, _, v: -8.0 * np.tanh(v / 1e-3) * (t > 0.8), grows, f_c=12.0)
-    assert found.candidate.onset == pytest.approx(0.8, abs=DURATION / 50)
-    assert found.estimate == pytest.approx([8.0], rel=0.2)
-
-
-@pytest.mark.parametrize(("physics", "carriage"), [("constant_force", {"f_0": 8.0}), ("coulomb_friction", {"f_c": 8.0})])
-def test_what_acts_all_along_has_no_date(physics, carriage):
-    base, some = looks(physics, None, **carriage)
-    found = screen(base, some, late(base, some)).found
-    assert [s.candidate.onset for s in found] == [None]
-    assert onset(base, found[0]) is None
-    assert np.abs(found[0].estimate) == pytest.approx([8.0], rel=0.1)
-
-
-def test_what_no_component_tells_is_dated_by_its_score():
-    base, some = looks("asymmetric_friction", lambda t, _, v: -8.0 * np.tanh(v / 1e-3) * (t > 0.8))
-    levels = [look for look in some if len(look.columns) == 2 and "plus" in look.candidate.strengths[0]]
-    (found,) = screen(base, levels[-1:], late(base, levels)).found
-    assert found.candidate.onset is None
-    assert onset(base, found) == pytest.approx(0.8, abs=DURATION / 50)
-
-
-def test_recordings_that_have_each_a_clock_have_no_date_together():
-    made = run(0.3, 2e-3)
-    one = posed(made)
-    both = replace(one, recordings=[one.recordings[0], replace(one.recordings[0], name="again")])
-    result = smooth(both)
-    base = Linearised(result.solution)
-    found = [c for c in library(both, both.model, result.solution) if c.key == ("carriage", "coulomb_friction")]
-    some = looked_at(both, both.model, base, found)
-    assert list(late(base, some)) == []
-    (screened,) = screen(base, some).found
-    assert onset(base, screened) is None
-    again = replace(both, recordings=[one.recordings[0], replace(one.recordings[0], name="later", time=made.time + 10.0)])
-    base = Linearised(smooth(again).solution)
-    times = [look.candidate.onset for look in late(base, looked_at(again, again.model, base, found))]
-    assert len(times) == ONSETS
-    assert times[-1] > 9.0
+    look = looked_at(problem, problem.model, base, found)[0]
+    assert Sizes(problem, result, base).regime(look, np.eye(len(look.columns))[-1]).startswith(there)

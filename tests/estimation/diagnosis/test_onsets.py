@@ -1,0 +1,89 @@
+"""Effects that set in at a known time, and such as act all along."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from concealed_axis import posed, run
+
+from backsight.estimation import Free, smooth
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.onsets import ONSETS, dated, late, onset
+from backsight.estimation.diagnosis.score import Linearised
+from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.supermodel import looked_at
+
+DURATION = 1.5
+
+
+def looks(physics: str, force, known=(), **carriage):
+    problem = posed(run(DURATION, 2e-3, force=force, **carriage), **dict(known))
+    result = smooth(problem)
+    base = Linearised(result.solution)
+    found = [c for c in library(problem, problem.model, result.solution) if c.key == ("carriage", physics)]
+    return base, looked_at(problem, problem.model, base, found)
+
+
+def judged(physics: str, force, known=(), **carriage):
+    """The best of what sets in, dated; None where nothing does."""
+    base, some = looks(physics, force, known, **carriage)
+    found = [s for s in screen(base, some, late(base, some)).found if s.candidate.onset is not None]
+    return dated(base, found[0]) if found else None
+
+
+@pytest.mark.parametrize("at", [0.5, 1.0])
+def test_a_force_that_sets_in_is_dated_and_measured(at):
+    found = judged("constant_force", lambda t, *_: np.array([-8.0 if t > at else 0.0]))
+    assert found.candidate.onset == pytest.approx(at, abs=DURATION / 200)
+    assert found.estimate == pytest.approx([8.0], rel=0.05)
+    assert found.candidate.edits[-1].words == f"constant_force_carriage.f from {found.candidate.onset:.4g} s on"
+
+
+def test_friction_that_sets_in_is_dated_too():
+    found = judged("coulomb_friction", lambda t, _, v: -8.0 * np.tanh(v / 1e-3) * (t > 0.8))
+    assert found.candidate.onset == pytest.approx(0.8, abs=DURATION / 100)
+    assert found.estimate == pytest.approx([8.0], rel=0.1)
+
+
+def test_so_is_friction_that_grows_where_the_model_estimates_friction():
+    grows = {"friction__f_c": Free(10.0)}
+    found = judged("coulomb_friction", lambda t, _, v: -8.0 * np.tanh(v / 1e-3) * (t > 0.8), grows, f_c=12.0)
+    assert found.candidate.onset == pytest.approx(0.8, abs=DURATION / 50)
+    assert found.estimate == pytest.approx([8.0], rel=0.2)
+
+
+@pytest.mark.parametrize(("physics", "carriage"), [("constant_force", {"f_0": 8.0}), ("coulomb_friction", {"f_c": 8.0})])
+def test_what_acts_all_along_has_no_date(physics, carriage):
+    base, some = looks(physics, None, **carriage)
+    found = screen(base, some, late(base, some)).found
+    assert [s.candidate.onset for s in found] == [None]
+    assert onset(base, found[0]) is None
+    assert np.abs(found[0].estimate) == pytest.approx([8.0], rel=0.1)
+
+
+def test_what_no_component_tells_is_dated_by_its_score():
+    base, some = looks("asymmetric_friction", lambda t, _, v: -8.0 * np.tanh(v / 1e-3) * (t > 0.8))
+    levels = [look for look in some if len(look.columns) == 2 and "plus" in look.candidate.strengths[0]]
+    (found,) = screen(base, levels[-1:], late(base, levels)).found
+    assert found.candidate.onset is None
+    assert onset(base, found) == pytest.approx(0.8, abs=DURATION / 50)
+
+
+def test_recordings_that_have_each_a_clock_have_no_date_together():
+    made = run(0.3, 2e-3)
+    one = posed(made)
+    both = replace(one, recordings=[one.recordings[0], replace(one.recordings[0], name="again")])
+    result = smooth(both)
+    base = Linearised(result.solution)
+    found = [c for c in library(both, both.model, result.solution) if c.key == ("carriage", "coulomb_friction")]
+    some = looked_at(both, both.model, base, found)
+    assert list(late(base, some)) == []
+    (screened,) = screen(base, some).found
+    assert onset(base, screened) is None
+    again = replace(both, recordings=[one.recordings[0], replace(one.recordings[0], name="later", time=made.time + 10.0)])
+    base = Linearised(smooth(again).solution)
+    times = [look.candidate.onset for look in late(base, looked_at(again, again.model, base, found))]
+    assert len(times) == ONSETS
+    assert times[-1] > 9.0
