@@ -18,7 +18,7 @@ recording; the windows are then the better measure.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ import scipy.linalg
 
 from backsight.models import Dae, ModelError, Quantity, SolveError, Trajectory
 from backsight.models.augmentation.parameters import case_name
+from backsight.ocp import Status
 from backsight.ocp.linear import linearise
 
 from ..problem import Free, Problem
@@ -58,10 +59,12 @@ def predict(problem: Problem, result: Smoothing, smooth: Callable[[Problem], Smo
         if recording.role != "held_out":
             continue
         try:
-            prediction, (piece, run), lost = _prediction(problem, result, recording, smooth)
+            prediction, (piece, run), lost, rough = _prediction(problem, result, recording, smooth)
             found[recording.name] = prediction
             if lost:
                 notes.append(f"Held out: of {recording.name} the start of {lost} was not found; what follows it is not predicted.")
+            if rough:
+                notes.append(f"Held out: of {recording.name} the start of {rough} is where the solver stopped, short of its tolerance.")
             kept = remembering(problem.dae, result, piece, run)
             notes.append(_sentence(result, recording, prediction, kept, _own_ones(problem, result, prediction)))
         except (ModelError, SolveError) as error:
@@ -119,10 +122,10 @@ def _heads(recording: Recording) -> list[_Head]:
 
 def _prediction(
     problem: Problem, result: Smoothing, recording: Recording, smooth: Callable[[Problem], Smoothing]
-) -> tuple[Prediction, tuple[Recording, Trajectory], str]:
-    """The prediction, that of its longest piece, and of what no start was found, in words."""
+) -> tuple[Prediction, tuple[Recording, Trajectory], str, str]:
+    """The prediction, that of its longest piece, and in words of what no start was found, and of what it did not come to rest."""
     every = _heads(recording)
-    states, own = _states(problem, result, recording, every, smooth)
+    states, own, rough = _states(problem, result, recording, every, smooth)
     heads = [head for head in every if head.name in states]
     whole, runs, errors = [], list[tuple[_Head, Trajectory]](), {name: [np.empty(0)] for name in recording.outputs}
     for head in heads:
@@ -152,18 +155,23 @@ def _prediction(
         window_rms={name: float(np.sqrt(np.nanmean(e**2))) for name, e in ahead.items() if np.isfinite(e).any()},
         own=own[longest.name],
     )
-    lost = Counter("window" if head.window else "piece" for head in every if head.name not in states)
-    words = " and ".join(f"{n} {what}{'s' * (n > 1)}" for what in ("window", "piece") if (n := lost[what]))
-    return prediction, (longest.piece, run), words
+    lost = _counted(head for head in every if head.name not in states)
+    return prediction, (longest.piece, run), lost, _counted(head for head in every if head.name in rough)
+
+
+def _counted(heads: Iterable[_Head]) -> str:
+    """2 windows and 1 piece."""
+    count = Counter("window" if head.window else "piece" for head in heads)
+    return " and ".join(f"{n} {what}{'s' * (n > 1)}" for what in ("window", "piece") if (n := count[what]))
 
 
 def _states(
     problem: Problem, result: Smoothing, recording: Recording, heads: Sequence[_Head], smooth: Callable[[Problem], Smoothing]
-) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]]]:
-    """The smoothed rows of every head, all in one problem; and the parameters that vary as each head tells them, at its end.
+) -> tuple[dict[str, pd.DataFrame], dict[str, dict[str, float]], set[str]]:
+    """The smoothed rows of every head, all in one problem; the parameters that vary as each head tells them, at its end; and rough ones.
 
-    Where that does not converge each is smoothed by itself, and those that do not are left out. Only where the recording itself starts is
-    anything known beforehand.
+    Where that does not converge each is smoothed by itself. One that stopped at the limit of iterations is taken as it is: its errors say
+    what a prediction is worth. Those that came nowhere are left out. Only where the recording itself starts is anything known beforehand.
     """
     pieces = []
     for head in heads:
@@ -196,7 +204,7 @@ def _states(
         smoothed = dict.fromkeys((piece.name for piece in pieces), together)
     else:
         alone = {piece.name: smooth(replace(fixed, recordings=[piece])) for piece in pieces} if len(pieces) > 1 else {}
-        smoothed = {name: found for name, found in alone.items() if found.solver.converged}
+        smoothed = {name: found for name, found in alone.items() if found.solver.converged or (name in found.estimates and _stopped(found))}
         if not any(head.name in smoothed for head in heads if not head.window):
             raise SolveError(f"its start was not found: {together.solver.status.rstrip('.')}")
     tables = {name: found.estimates[name] for name, found in smoothed.items()}
@@ -207,7 +215,12 @@ def _states(
         }
         for k, table in tables.items()
     }
-    return tables, own
+    return tables, own, {name for name, found in smoothed.items() if not found.solver.converged}
+
+
+def _stopped(found: Smoothing) -> bool:
+    """Whether it ended at the limit of iterations, with numbers."""
+    return found.solution is not None and found.solution.solved.status is Status.ITERATIONS and np.isfinite(found.solution.solved.cost)
 
 
 def noise(problem: Problem, result: Smoothing, recording: Recording, output: str) -> float | None:

@@ -14,6 +14,7 @@ from backsight.estimation.command.result_json import result_of_smoothing
 from backsight.estimation.smoothing.prediction import _heads, predict
 from backsight.models import InputError
 from backsight.models.plants import actuator
+from backsight.ocp import Status
 
 PLANT, MODEL, STD = truths.Plant(m=M, d=D, k=K, offset=OFFSET), compiled(oscillator()), 1e-3
 
@@ -238,3 +239,21 @@ def test_starts_that_are_not_found_together_are_found_one_by_one_and_those_that_
     none, notes = predict(problem, result, one_by_one)
     assert not none
     assert notes == ("Held out: other could not be predicted: its start was not found: Stopped.",)
+
+
+def test_a_start_at_which_the_solver_stopped_is_taken_as_it_is_and_a_note_says_so():
+    recordings = [record("fit", 1, role="fit"), record("other", 2)]
+    given = {"mass.m": Free(3.0), "spring.k": Free(30.0)}
+    problem = Problem(model=MODEL, recordings=recordings, parameters=given, weights=Weights(W={"mass": 0.02}))
+    result = smooth(problem)
+
+    def stopped(posed: Problem) -> Smoothing:
+        found = smooth(posed)
+        assert found.solution is not None
+        there = replace(found.solution, solved=replace(found.solution.solved, status=Status.ITERATIONS))
+        return replace(found, solver=replace(found.solver, converged=False, status="Stopped."), solution=there)
+
+    usual, _ = predict(problem, result, smooth)
+    found, notes = predict(problem, result, stopped)
+    assert found["other"].window_rms["x"] == pytest.approx(usual["other"].window_rms["x"], rel=1e-2)
+    assert "Held out: of other the start of 10 windows and 1 piece is where the solver stopped, short of its tolerance." in notes
