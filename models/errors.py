@@ -28,6 +28,10 @@ class SolveError(BacksightError):
     """A solver that stopped before its answer."""
 
 
+class OutOfTime(SolveError):
+    """A smoothing that has taken as long as it may."""
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """The remedy for an unknown name: the nearest known one, or the list of all."""
     names = list(known)

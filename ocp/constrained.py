@@ -86,11 +86,26 @@ class _Way:
         self.here = _at(nlp, np.clip(np.zeros(nlp.size), lower, upper), values)
         self.multipliers, self.mu = np.zeros(nlp.constraint_count), 0.0
         self.solved = self.acceptable = self._still = False
-        self._damping, self.damped, self._lame, self._staying, self._first = 0.0, 0, 0, 0, np.inf
+        self._damping, self.damped, self._lame, self._staying, self._first = 0.0, 0, 0, 0, self.here
         self._parts = list[Linearised]()
 
     def step(self, over: bool) -> bool:
-        """One step, or damping where it leads nowhere; whether there may be another. over: there may not, and none is taken."""
+        """One step, or damping where it leads nowhere; whether there may be another. over: there may not, and none is taken.
+
+        Where trajectories have arrived while parameters stay, these move again: such an end is none.
+        """
+        goes_on = self._stepped(over)
+        if goes_on or over or not self._staying:
+            return goes_on
+        self._move_again()
+        self._lame = 0
+        self.solved = self.acceptable = False
+        return True
+
+    def _move_again(self) -> None:
+        self._staying, self._still = 0, False
+
+    def _stepped(self, over: bool) -> bool:
         here = self.here
         if not here.finite or (found := self._newton(self._damping)) is None:
             return False
@@ -115,10 +130,12 @@ class _Way:
             return False
         length, saved = float(np.linalg.norm(there.X - here.X) / np.linalg.norm(s)), merit - there.merit(self.mu)
         self._damping = _damped(self._damping, length)
-        self._first = merit if self.damped == 0 else self._first
+        self._first = here if self.damped == 0 else self._first
         self.damped = self.damped + 1 if self._damping > 0 and not self._staying else 0
         self._still = abs(saved) <= STILL * max(abs(merit), 1.0)
         self._to(there)
+        if self._staying == 1:
+            self._move_again()
         self._staying = max(self._staying - 1, 0)
         self._lame = self._lame + 1 if length < WORTH or (self._damping > 0 and saved < LITTLE) else 0
         return self._lame < TIRED
@@ -129,7 +146,7 @@ class _Way:
         if (found := self._newton(0.0)) is None:
             return False
         _, g, s, _ = found
-        if float(-g @ s) < CREEPING * (self._first - here.merit(self.mu)):
+        if float(-g @ s) + self.mu * here.off < CREEPING * (self._first.merit(self.mu) - here.merit(self.mu)):
             return False
         X = here.X.copy()
         X[n:] = np.clip(X + s, self.lower, self.upper)[n:]

@@ -69,7 +69,8 @@ def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Find
     """A finding with the numbers that it has in a result, and the name that goes with these."""
     now = evened(replace(old.explanation, parameters=explained(c, result).parameters), c, result, sizes.forces.get(c.place, 0.0))
     rivals = tuple(r for r in old.rivals if (r.place, r.physics) != (now.place, now.physics))
-    return replace(old, explanation=now, rivals=rivals, change=_change(c, result))
+    there = old.regime if now.physics == old.explanation.physics else EVERYWHERE
+    return replace(old, explanation=now, rivals=rivals, regime=there, change=_change(c, result))
 
 
 def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried]) -> Finding:

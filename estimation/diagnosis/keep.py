@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from backsight.models.errors import OutOfTime
+
 from ..own_code import code_of
 from ..problem import Problem
 from ..results import Smoothing
-from ..smoothing.smoother import OutOfTime
 from ..whole_files import written_whole
 from .candidates import Candidate
 

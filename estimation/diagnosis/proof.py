@@ -28,6 +28,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from backsight.models import SolveError
+from backsight.models.errors import OutOfTime
 from backsight.ocp import Options, Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import linearise
@@ -39,7 +40,7 @@ from ..smoothing.begun import Begun
 from ..smoothing.prediction import noise, of_one_more
 from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
-from ..smoothing.smoother import OutOfTime, smoothing
+from ..smoothing.smoother import smoothing
 from ..supposed import noisy_inputs
 from .blocks import block_gains, chance, mean
 from .verdict import Errors, HeldOut

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from backsight.models import Model, compile_model
-from backsight.models.errors import InputError, ModelError, SolveError
+from backsight.models.errors import InputError, ModelError, OutOfTime, SolveError
 from backsight.ocp import Options, Solution
 
 from ..problem import Free, Problem
@@ -28,7 +28,7 @@ from ..smoothing.begun import Begun, followed_by, force_stds
 from ..smoothing.horizons import sampling_interval
 from ..smoothing.program import Settings
 from ..smoothing.rest import other_widths, strengths_at_rest
-from ..smoothing.smoother import OutOfTime, smoothing
+from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .held import rescaled

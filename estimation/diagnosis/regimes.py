@@ -26,7 +26,7 @@ MOST, ROOM = 0.75, 0.6  # of the squares, and of the time
 SLOW = 0.2  # of the rms velocity: what is slower turns round
 FAST = 0.75  # share of the time below the highest speeds
 RANGES = 4  # equal parts of the way that a position goes
-LENGTHS = ("s", "s_rel", "v", "v_rel")  # the others are angles
+WAYS = {"N": "m", "N.m": "rad"}  # unit of what moves under a force of this unit
 
 
 def regime(solution: Solution, place: str, force: Array, counts: Mask) -> str:
@@ -61,13 +61,13 @@ def _regimes(solution: Solution, place: str, weight: Array) -> Iterator[tuple[st
 
 
 def _along(solution: Solution, place: str, names: tuple[str, ...]) -> tuple[Array, str] | None:
-    """A variable of the place in the middles of all intervals, (N,), and the unit of lengths or angles; None where it has none of these."""
+    """A motion of the place in the middles of all intervals, (N,), and its unit; None where nothing moves: v of a motor is a voltage."""
     t, dae = solution.transcription, solution.transcription.dae
+    unit = next((WAYS.get(p.unit) for p in dae.places if p.name == place), None)
     own = next((n for n in names if f"{place}.{n}" in dae.variables), None)
-    if own is None:
+    if own is None or unit is None:
         return None
-    expression = dae.variables[f"{place}.{own}"]
-    followed = followed_by(solution)
+    expression, followed = dae.variables[f"{place}.{own}"], followed_by(solution)
     middles = [(h.mesh.knots[1:] + h.mesh.knots[:-1]) / 2 for h in t.horizons]
     parts = [along(dae, expression, followed, k, times, solution.parameters).ravel() for k, times in enumerate(middles)]
-    return np.concatenate(parts), "m" if own in LENGTHS else "rad"
+    return np.concatenate(parts), unit

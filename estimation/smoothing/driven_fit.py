@@ -91,9 +91,11 @@ class Seen:
         instants, along = _beginning(instants, along, SHOT)
         asked, firsts = ~np.isfinite(known), self._firsts(along, parameters, known)
         nominal = np.array([self.driven.dae.states[i].nominal for i in self.driven.rows])[asked]
-        size = np.min([rms(self._left_from(first, instants, along, parameters)) for first in firsts], axis=0)
-        if not asked.any() or not np.isfinite(size).all():
+        sizes = [rms(self._left_from(first, instants, along, parameters)) for first in firsts]
+        good = [k for k, size in enumerate(sizes) if np.isfinite(size).all()]
+        if not asked.any() or not good:
             return firsts[0]
+        firsts, size = [firsts[k] for k in good], np.min([sizes[k] for k in good], axis=0)
 
         def filled(there: Array) -> Array:
             first: Array = known.copy()

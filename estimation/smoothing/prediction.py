@@ -25,8 +25,9 @@ import numpy as np
 import pandas as pd
 import scipy.linalg
 
-from backsight.models import Dae, ModelError, Quantity, SolveError, Trajectory
+from backsight.models import Dae, InputError, ModelError, Quantity, SolveError, Trajectory
 from backsight.models.augmentation.parameters import case_name
+from backsight.models.errors import OutOfTime
 from backsight.ocp import Status
 from backsight.ocp.linear import linearise
 
@@ -199,14 +200,15 @@ def _states(
         initial=problem.initial,
         bounds=problem.bounds,
     )
-    together = smooth(fixed)
-    if together.solver.converged:
+    together = _found(smooth, fixed)
+    if together is not None and together.solver.converged:
         smoothed = dict.fromkeys((piece.name for piece in pieces), together)
     else:
-        alone = {piece.name: smooth(replace(fixed, recordings=[piece])) for piece in pieces} if len(pieces) > 1 else {}
-        smoothed = {name: found for name, found in alone.items() if found.solver.converged or (name in found.estimates and _stopped(found))}
+        alone = {piece.name: _found(smooth, replace(fixed, recordings=[piece])) if len(pieces) > 1 else together for piece in pieces}
+        smoothed = {name: found for name, found in alone.items() if found is not None and _usable(found, name)}
         if not any(head.name in smoothed for head in heads if not head.window):
-            raise SolveError(f"its start was not found: {together.solver.status.rstrip('.')}")
+            status = "it took too long" if together is None else together.solver.status.rstrip(".")
+            raise SolveError(f"its start was not found: {status}")
     tables = {name: found.estimates[name] for name, found in smoothed.items()}
     own = {
         k: {
@@ -218,9 +220,21 @@ def _states(
     return tables, own, {name for name, found in smoothed.items() if not found.solver.converged}
 
 
-def _stopped(found: Smoothing) -> bool:
-    """Whether it ended at the limit of iterations, with numbers."""
-    return found.solution is not None and found.solution.solved.status is Status.ITERATIONS and np.isfinite(found.solution.solved.cost)
+def _found(smooth: Callable[[Problem], Smoothing], problem: Problem) -> Smoothing | None:
+    """Heads smoothed; None where that cannot be. Raises OutOfTime: others would take as long."""
+    try:
+        return smooth(problem)
+    except OutOfTime:
+        raise
+    except (ModelError, SolveError, InputError):
+        return None
+
+
+def _usable(found: Smoothing, name: str) -> bool:
+    """Whether there is a start: come to rest, or stopped at the limit of iterations with numbers."""
+    solution = found.solution
+    stopped = solution is not None and solution.solved.status is Status.ITERATIONS and bool(np.isfinite(solution.solved.cost))
+    return name in found.estimates and (found.solver.converged or stopped)
 
 
 def noise(problem: Problem, result: Smoothing, recording: Recording, output: str) -> float | None:

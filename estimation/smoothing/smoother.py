@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from backsight.models.errors import InputError, SolveError
+from backsight.models.errors import InputError, OutOfTime, SolveError
 from backsight.ocp import Options, Solution
 
 from ..arguments import check_kind
@@ -112,10 +112,6 @@ def _of_heads(settings: Settings) -> Settings:
 
 def _rougher(options: Options) -> Options:
     return replace(options, tolerance=max(options.tolerance, ROUGH.tolerance))
-
-
-class OutOfTime(SolveError):
-    """A smoothing that has taken as long as it may."""
 
 
 def _until(end: float, say: Callable[[str], None]) -> Callable[[str], None]:

@@ -132,7 +132,7 @@ def maximise(
             break
         length = 1.0
         while length > 0.1:
-            further = theta + _along(length * step)
+            further = theta + _along(step, length)
             there = _at(turned, further, here.solution.solved.decisions)
             if np.isfinite(there.value) and there.value > here.value - gain:
                 break
@@ -212,12 +212,14 @@ def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
     return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
 
 
-def _along(step: Array) -> Array:
-    """A step in theta, (F,), as one in the variances exp(2 theta) that begins alike; down by LONGEST at most.
+def _along(step: Array, length: float) -> Array:
+    """A part of a step in theta, (F,), as one in the variances exp(2 theta) that begins alike.
 
-    Of a sensor and a force that it sees at once the data tell the sum of the variances: a ridge that is straight in these.
+    Of a sensor and a force that it sees at once the data tell the sum of the variances: a ridge that is straight in these. Where the whole
+    step would leave less than exp(-2 LONGEST) of a variance it is one of LONGEST down, in theta.
     """
-    return np.asarray(0.5 * np.log(np.maximum(1.0 + 2.0 * step, np.exp(-2.0 * LONGEST))), dtype=np.float64)
+    down = 1.0 + 2.0 * step < np.exp(-2.0 * LONGEST)
+    return np.where(down, -LONGEST * length, 0.5 * np.log1p(2.0 * length * np.where(down, 0.0, step)))
 
 
 def _step(turned: Turned, here: Likelihood, moving: Mask) -> tuple[Array, float]:

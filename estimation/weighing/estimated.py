@@ -147,17 +147,16 @@ def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
     moving = np.array([w.is_component for w in knobs.weights])
     best = maximise(knobs, np.zeros(len(knobs.weights)), moving, say=say)
     while True:
-        untold = np.flatnonzero(moving & knobs.noise & (best.likelihood.freedom < FOLLOWED * best.likelihood.counts))
-        if not len(untold):
+        share = np.where(moving & knobs.noise, best.likelihood.freedom / np.maximum(best.likelihood.counts, 1), np.inf)
+        f = int(np.argmin(share))
+        if not share[f] < FOLLOWED:
             return best
-        for f in untold:
-            moving = moving & (np.arange(len(moving)) != f)
-            theta = best.theta.copy()
-            theta[f] = given[f] if np.isfinite(given[f]) else 0.0
-            held = maximise(knobs, theta, moving, say=say)
-            if not held.likelihood.value > best.likelihood.value - CONTRADICTED:
-                held = maximise(knobs, best.theta, moving, best.likelihood, say=say)
-            best = held
+        theta, moving = best.theta.copy(), moving & (np.arange(len(moving)) != f)
+        theta[f] = given[f] if np.isfinite(given[f]) else 0.0
+        held = maximise(knobs, theta, moving, say=say)
+        lost = best.likelihood.value - held.likelihood.value
+        refused = not np.isfinite(lost) or (held.arrived and lost >= CONTRADICTED)
+        best = maximise(knobs, best.theta, moving, best.likelihood, say=say) if refused else held
 
 
 def _given(problem: Problem, knobs: Turned) -> Array:

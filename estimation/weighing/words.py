@@ -93,12 +93,18 @@ def _weights(found: Weighing) -> list[str]:
     hardly = [label for label, c in found.components.items() if not c.may_be_none and c.log_std > TOLD]
     out = [f"The data hardly tell {listed(hardly)}: a factor of two either way would do."] if hardly else []
     untold = [label for label, c in found.components.items() if found.arrived and label.startswith("V") and np.isnan(c.log_std)]
-    out += [
-        f"{label}: the residual forces can follow every sample, and tell nothing of its noise; give what its sensor has."
-        for label in untold
-    ]
+    for label in untold:
+        refused = [std for std in _given_noise(found, label.removeprefix("V of ")) if not np.isclose(std, found.components[label].std)]
+        told = f"only that its noise is less than the {refused[0]:.3g} given" if refused else "nothing of its noise"
+        out.append(f"{label}: the residual forces can follow every sample, and tell {told}; give what its sensor has.")
     twins = [pair for pair, r in found.correlation.items() if abs(r) > TWINS]
     return out + [f"{a} and {b} explain the same: what one has more the other has less." for a, b in twins]
+
+
+def _given_noise(found: Weighing, output: str) -> list[float]:
+    """The noise that the problem gives an output of the fitted recordings."""
+    given = [found.problem.weights.noise(output, r.name) or r.output_std.get(output) for r in found.problem.recordings if r.role == "fit"]
+    return [std for std in given if std is not None]
 
 
 def _moving(found: Weighing) -> list[str]:

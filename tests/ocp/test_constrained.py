@@ -241,3 +241,28 @@ def test_where_there_is_no_room_for_a_leap_to_pay_there_is_none(monkeypatch):
     short = descend_on_constraints(t.nlp, values, lower, upper, 1e-2, 40)
     monkeypatch.setattr(constrained, "VAIN", 0)
     assert descend_on_constraints(t.nlp, values, lower, upper, 1e-2, 40).cost == short.cost
+
+
+@pytest.mark.parametrize("tolerance", [1e-7, 1e-2])
+@pytest.mark.parametrize("name", list(MODELS))
+def test_a_descent_does_not_end_while_parameters_stay_where_they_leapt(name, tolerance, monkeypatch):
+    """Trajectories arrive in fewer steps than parameters stay for; a wrong leap, which none would ask for here."""
+    t, values = program(name, horizons=2)
+    plain = descend_on_constraints(t.nlp, values, *bounds(t), tolerance, 100)
+    step, leapt = constrained._Way._stepped, list[int]()
+
+    def stepped(way: constrained._Way, over: bool) -> bool:
+        goes_on = step(way, over)
+        if goes_on and not leapt:
+            X = way.here.X.copy()
+            X[t.nlp.trajectory_size :] += 0.3
+            way.restart(constrained._at(t.nlp, X, values))
+            way._staying = constrained.HOLD
+            leapt.append(1)
+        return goes_on
+
+    monkeypatch.setattr(constrained._Way, "_stepped", stepped)
+    found = descend_on_constraints(t.nlp, values, *bounds(t), tolerance, 100)
+    assert leapt
+    assert found.cost == pytest.approx(plain.cost, rel=1e-3)
+    assert found.solved or found.acceptable

@@ -32,6 +32,7 @@ from real_recordings import PENDULUM, STAGE, fit_and_later
 from scipy.spatial.transform import Rotation
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
+from backsight.estimation.diagnosis.words import when
 from backsight.models.plants import actuator
 
 
@@ -156,7 +157,7 @@ def told(found: Diagnosis) -> str:
     rows = [f"verdict: {found.verdict}"]
     for x in found.findings:
         numbers = ", ".join(f"{n} {s.value:.5g} +- {s.std or np.nan:.2g} {s.unit}" for n, s in x.explanation.parameters.items())
-        rows.append(f"  {x.explanation.words}: {numbers}; {x.gain:.0f} nats, {x.regime}, share {x.share}")
+        rows.append(f"  {x.explanation.words}: {numbers}; {x.gain:.0f} nats, {when(x)}, share {x.share}")
         rows += [f"    or {rival.words}" for rival in x.rivals]
     rows += [f"  tried {t.explanation.words}: predicted {t.predicted}, fitted {t.fitted}; {t.refused}" for t in found.tried[:30]]
     rows += [f"  {p.name} {p.value:.5g} +- {p.std or np.nan:.2g}" for p in found.after.parameters.values() if not p.fixed]

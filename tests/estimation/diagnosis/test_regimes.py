@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from concealed_axis import smoothed
 
+from backsight.data.generators import drillstring
+from backsight.estimation import Problem, Recording, smooth
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.regimes import EVERYWHERE, regime
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.models.plants import PLANTS
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +58,15 @@ def test_intervals_that_do_not_count_say_nothing(axis):
     assert regime(solution, "carriage", np.where(v > 0, 1.0, 50.0), v > 0) == EVERYWHERE
 
 
-def test_a_place_without_a_motion_has_no_regime(axis):
-    solution, _, v = axis
-    assert regime(solution, "amplifier", np.where(v > 0, 1.0, 0.0), np.ones(len(v), dtype=bool)) == EVERYWHERE
+def test_the_voltage_of_a_motor_is_no_velocity():
+    run = drillstring.record(seed=1, conditions=replace(drillstring.CONDITIONS, duration=2.0, process={}))
+    recording = Recording(name="run", time=run.time, inputs=run.inputs, outputs=run.outputs, output_std=run.noise)
+    result = smooth(Problem(model=PLANTS["drillstring"](), recordings=[recording], parameters={"bit.width": 0.03}))
+    mesh = result.solution.transcription.horizons[0].mesh
+    middles, counts = (mesh.knots[1:] + mesh.knots[:-1]) / 2, np.ones(mesh.count, dtype=bool)
+    voltage, speed = (np.interp(middles, run.time - run.time[0], y) for y in (run.inputs["V"], run.truth["rotary_table.omega"]))
+    assert regime(result.solution, "motor", 1.0 * (voltage > np.quantile(voltage, 0.8)), counts) == EVERYWHERE
+    assert regime(result.solution, "rotary_table", 1.0 * (speed > np.quantile(speed, 0.8)), counts).startswith("at speeds above")
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, 
 from scipy.linalg import expm
 
 from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.smoothing.smoother import OutOfTime, Settings
-from backsight.models.errors import InputError
+from backsight.estimation.smoothing.smoother import Settings
+from backsight.models.errors import InputError, OutOfTime
 from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
 from backsight.ocp import Options

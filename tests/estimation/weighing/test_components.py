@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backsight.estimation.weighing.components import Component
+from backsight.estimation.weighing.components import Component, _along
 from backsight.estimation.weighing.setting import Outcome, Setting
 from backsight.estimation.weighing.weigh import _moves
 from backsight.estimation.wording import per_root_bandwidth
@@ -45,3 +45,15 @@ def test_influence_is_counted_in_deviations_and_of_what_is_not_determined_there_
     lost = replace(ends[0], converged=False)
     assert np.isnan(_moves([best, lost, ends[1]])["W of x"]["p"][0])
     assert _moves([replace(best, converged=False), *ends]) == {}
+
+
+def test_steps_go_along_the_variances_and_shorter_ones_less_far():
+    step = np.array([0.15, -0.075 / 0.2, -2.0, 0.0])
+    variance = np.array([1.0, 0.2, 1.0, 1.0])
+    parts = np.array([np.exp(2 * _along(step, length)) * variance for length in (1.0, 1 / 3, 1 / 9)])
+    # what one variance has more the other has less, in any part of the step
+    assert parts[:, 0] - 1.0 == pytest.approx([0.3, 0.1, 0.3 / 9])
+    assert parts[:, 1] - 0.2 == pytest.approx([-0.15, -0.05, -0.15 / 9])
+    # what would leave less than nothing is as much in theta as a step may be, and its parts are parts of that
+    assert np.log(parts[:, 2]) / 2 == pytest.approx([-1.5, -0.5, -1.5 / 9])
+    assert parts[:, 3] == pytest.approx(1.0)
