@@ -229,6 +229,7 @@ def _step(turned: Turned, here: Likelihood, moving: Mask) -> tuple[Array, float]
     out, I, slope = np.zeros(len(moving)), here.information[np.ix_(moving, moving)], here.slope[moving]
     size = np.sqrt(np.maximum(np.diag(I), 2.0 * np.maximum(here.freedom[moving], 0.0) + 1e-12))
     values, vectors = np.linalg.eigh(I / np.outer(size, size) + RIDGE * np.eye(len(size)))
-    step = (vectors / np.maximum(values, RIDGE)) @ (vectors.T @ (slope / size)) / size
-    out[moving] = step * min(1.0, LONGEST / np.max(np.abs(step), initial=1e-300))
+    # what goes to nothing would go there at once, and all others would have to wait for it
+    step = np.maximum((vectors / np.maximum(values, RIDGE)) @ (vectors.T @ (slope / size)) / size, -LONGEST)
+    out[moving] = step * min(1.0, LONGEST / np.max(step, initial=1e-300))
     return out, float(out @ here.slope) / 2

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from backsight.estimation.weighing.components import Component, _along
+from backsight.estimation.weighing.components import Component, _along, _step
 from backsight.estimation.weighing.setting import Outcome, Setting
 from backsight.estimation.weighing.weigh import _moves
 from backsight.estimation.wording import per_root_bandwidth
@@ -57,3 +58,11 @@ def test_steps_go_along_the_variances_and_shorter_ones_less_far():
     # what would leave less than nothing is as much in theta as a step may be, and its parts are parts of that
     assert np.log(parts[:, 2]) / 2 == pytest.approx([-1.5, -0.5, -1.5 / 9])
     assert parts[:, 3] == pytest.approx(1.0)
+
+
+def test_a_force_that_goes_to_nothing_does_not_hold_up_the_others():
+    """Its own step has no length; it took the promise of all steps with it, and a search ended 500 nats below its summit."""
+    here = SimpleNamespace(freedom=np.array([1.0, 500.0]), slope=np.array([-50.0, 100.0]), information=np.diag([1e-3, 1e3]))
+    step, promise = _step(SimpleNamespace(noise=np.array([False, True])), here, np.ones(2, dtype=bool))
+    assert step == pytest.approx([-1.5, 0.1], rel=2e-3)
+    assert promise == pytest.approx((1.5 * 50 + 0.1 * 100) / 2, rel=2e-3)
