@@ -41,16 +41,16 @@ class Sizes:
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
-        steps, found = self.solution.transcription.nlp.steps, dict[str, float]()
-        for name, force, use in self._acting(look, estimate):
-            found[name] = float(np.sqrt(np.average(force[use] ** 2, weights=steps[use]))) / self.varying[name]
-        return found
+        return {name: self._share(name, force, use) for name, force, use in self._acting(look, estimate)}
 
     def regime(self, look: Look, estimate: Array) -> str:
         """Where a candidate acts at these strengths, in words, at the place where its force is the largest share."""
-        shares = self.shares(look, estimate)
-        there = max(self._acting(look, estimate), key=lambda acting: shares[acting[0]], default=None)
+        there = max(self._acting(look, estimate), key=lambda acting: self._share(*acting), default=None)
         return EVERYWHERE if there is None else regime(self.solution, *there)
+
+    def _share(self, name: str, force: Array, use: Mask) -> float:
+        steps = self.solution.transcription.nlp.steps
+        return float(np.sqrt(np.average(force[use] ** 2, weights=steps[use]))) / self.varying[name]
 
     def _acting(self, look: Look, estimate: Array) -> list[tuple[str, Array, Mask]]:
         """Place, force of a candidate there in the mean of every interval (N,), and which of these count: those away from rest, (N,)."""

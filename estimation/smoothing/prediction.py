@@ -207,7 +207,7 @@ def _states(
         alone = {piece.name: _found(smooth, replace(fixed, recordings=[piece])) if len(pieces) > 1 else together for piece in pieces}
         smoothed = {name: found for name, found in alone.items() if found is not None and _usable(found, name)}
         if not any(head.name in smoothed for head in heads if not head.window):
-            status = "it took too long" if together is None else together.solver.status.rstrip(".")
+            status = "it cannot be smoothed" if together is None else together.solver.status.rstrip(".")
             raise SolveError(f"its start was not found: {status}")
     tables = {name: found.estimates[name] for name, found in smoothed.items()}
     own = {
