@@ -119,9 +119,13 @@ class Weights:
                 if not (np.isfinite(std) and std > 0):
                     raise InputError(f"Weights({name}={{{key!r}: {std}}}): needs a positive, finite number.")
 
-    def noise(self, output: str, recording: str) -> float | None:
-        """V of an output in a recording; None where it is not given."""
+    def of_output(self, output: str, recording: str) -> float | None:
+        """V of an output in a recording; None where there is none."""
         return self.V.get(case_name(output, recording), self.V.get(output))
+
+    def noise(self, output: str, recording: Recording) -> float | None:
+        """The noise that is given of an output in a recording, by V before the recording's own; None where nobody gives it."""
+        return self.of_output(output, recording.name) or recording.output_std.get(output)
 
 
 @dataclass(frozen=True, kw_only=True)

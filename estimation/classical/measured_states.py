@@ -115,7 +115,7 @@ def _shown(problem: Problem, recording: Recording, method: str) -> Shown:
         )
     names = [dae.outputs[i].name for i in used]
     y = np.array([complete_output(recording, name, method) for name in names])
-    given = [problem.weights.noise(name, recording.name) or recording.output_std.get(name) for name in names]
+    given = [problem.weights.noise(name, recording) for name in names]
     std = np.array([s or float(np.ptp(row)) or 1.0 for s, row in zip(given, y, strict=True)])
     return invert_outputs(problem, used, y, std, recording.time)
 

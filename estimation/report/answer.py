@@ -139,7 +139,7 @@ def noise_std(result: Smoothing, output: str, recording: Recording | None) -> fl
     own = recording.output_std.get(output)
     if recording.role == "held_out" and own is not None:
         return own
-    return result.weights.noise(output, recording.name) or own
+    return result.weights.noise(output, recording)
 
 
 def oddities(result: Smoothing, recordings: Sequence[Recording]) -> list[str]:

@@ -117,7 +117,7 @@ def _residuals(result: Tracking, frame: pd.DataFrame, kinds: Columns, points: in
 
 
 def _noise(result: Tracking, output: str, recording: str) -> float | None:
-    return result.weights.noise(output, recording)
+    return result.weights.of_output(output, recording)
 
 
 def _solver(result: Tracking) -> str:

@@ -30,7 +30,7 @@ def output_stds(problem: Problem) -> tuple[list[dict[str, float]], list[set[str]
     """
     supposed = {q.name: q.noise_std for q in problem.dae.outputs}
     whole = {r.name: r for r in problem.recordings if r.role == "fit"}
-    given = {k: {name: problem.weights.noise(name, k) or r.output_std.get(name) for name in r.outputs} for k, r in whole.items()}
+    given = {k: {name: problem.weights.noise(name, r) for name in r.outputs} for k, r in whole.items()}
     told = {
         k: {
             name: float(std or noise(r.time, r.outputs[name], supposed.get(name)).std)
@@ -59,7 +59,7 @@ def check_varies(problem: Problem) -> None:
     """Raise InputError where neither the fitted samples of an output nor the model say anything of a noise that nobody gave."""
     for q in problem.dae.outputs:
         those = [r for r in problem.recordings if r.role == "fit" and q.name in r.outputs]
-        if not those or q.noise_std is not None or any(problem.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in those):
+        if not those or q.noise_std is not None or any(problem.weights.noise(q.name, r) for r in those):
             continue
         known = [y[np.isfinite(y)] for y in (r.outputs[q.name] for r in those)]
         if max(y.size for y in known) > 1 and not any(varies(y) for y in known):

@@ -365,8 +365,7 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
 
 def _noise_is_given(problem: Problem, number: int, output: str) -> bool:
     """Whether the recording or V says the noise of an output in a fitted recording, by its number."""
-    recording = problem.fitted[number]
-    return recording.output_std.get(output) is not None or problem.weights.noise(output, recording.name) is not None
+    return problem.weights.noise(output, problem.fitted[number]) is not None
 
 
 def _share_with_room(solution: Solution) -> float:

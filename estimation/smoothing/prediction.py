@@ -239,7 +239,7 @@ def _usable(found: Smoothing, name: str) -> bool:
 
 def noise(problem: Problem, result: Smoothing, recording: Recording, output: str) -> float | None:
     """Its deviation in a recording: as the problem gives it, else as the fitted recordings told it; None where none has that output."""
-    given = problem.weights.noise(output, recording.name) or recording.output_std.get(output)
+    given = problem.weights.noise(output, recording)
     return given if given is not None else result.weights.V.get(output)
 
 

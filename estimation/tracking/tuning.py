@@ -88,7 +88,7 @@ def _told(problem: Problem) -> bool:
     """Whether the problem has W of every place and the noise of every output."""
     plain = problem.plain
     places = {plain.dae.places[e.place].name for e in plain.dae.equations if e.place is not None}
-    noises = [problem.weights.noise(q, r.name) or r.output_std.get(q) for r in problem.recordings if r.role == "fit" for q in r.outputs]
+    noises = [problem.weights.noise(q, r) for r in problem.recordings if r.role == "fit" for q in r.outputs]
     return places <= set(problem.weights.W) and all(noises)
 
 
@@ -135,7 +135,7 @@ def _settled(problem: Problem, found: _Found) -> Tuning:
     posed, fitted = settled.posed, [r for r in problem.recordings if r.role == "fit"]
     noise, corner = np.full(len(posed.dae.outputs), np.inf), np.full(len(posed.dae.outputs), GROSS)
     for i, q in enumerate(posed.dae.outputs):
-        stds = [found.weights.noise(q.name, r.name) or r.output_std.get(q.name) for r in fitted if q.name in r.outputs]
+        stds = [found.weights.noise(q.name, r) for r in fitted if q.name in r.outputs]
         noise[i] = next((std for std in stds if std), np.inf)
         if any(r.output_loss.get(q.name) == "huber" for r in fitted):
             corner[i] = CORNER

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
+from scipy import optimize, stats
 
 from backsight.ocp import Solution
 
@@ -34,7 +34,9 @@ Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 ROUNDS = 20
 GAIN = 0.005  # of the log likelihood: what another step may promise at the end
-LONGEST = 1.5  # step in a theta
+LONGEST = 1.5  # step up in a theta
+SMALLEST = 0.05  # of a variance: what a step leaves at least
+LOWEST = (SMALLEST - 1.0) / 2.0  # such a step, as it begins in theta
 RIDGE = 1e-3  # of AI's diagonal, where a weight's rows tell nothing
 ZERO = 0.05  # p from which on a residual force may as well be none
 GONE = 0.3  # degrees of freedom, see above
@@ -138,6 +140,7 @@ def maximise(
                 break
             length /= 3.0
         else:
+            settled = promise < ROUGH_GAIN  # less than what solves at their tolerance tell
             break
         theta, here = further, there
         step, promise = _step(turned, here, moving)
@@ -215,21 +218,25 @@ def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
 def _along(step: Array, length: float) -> Array:
     """A part of a step in theta, (F,), as one in the variances exp(2 theta) that begins alike.
 
-    Of a sensor and a force that it sees at once the data tell the sum of the variances: a ridge that is straight in these. Where the whole
-    step would leave less than exp(-2 LONGEST) of a variance it is one of LONGEST down, in theta.
+    Of a sensor and a force that it sees at once the data tell the sum of the variances: a ridge that is straight in these.
     """
-    down = 1.0 + 2.0 * step < np.exp(-2.0 * LONGEST)
-    return np.where(down, -LONGEST * length, 0.5 * np.log1p(2.0 * length * np.where(down, 0.0, step)))
+    return 0.5 * np.log1p(2.0 * length * step)
 
 
 def _step(turned: Turned, here: Likelihood, moving: Mask) -> tuple[Array, float]:
-    """AI^-1 slope over the moving weights, of bounded length, and what it promises of the log likelihood."""
+    """The best step over the moving weights, AI^-1 slope within bounds, and what it promises of the log likelihood.
+
+    What goes to nothing would go further than there: it leaves SMALLEST of its variance, and the others step as is best beside that.
+    """
     # a force that the data cannot tell from none may be ever smaller, and nothing is gained but rounding
     moving = moving & (turned.noise | np.greater_equal(here.freedom, GONE) | np.greater(here.slope, 0.0))
     out, I, slope = np.zeros(len(moving)), here.information[np.ix_(moving, moving)], here.slope[moving]
-    size = np.sqrt(np.maximum(np.diag(I), 2.0 * np.maximum(here.freedom[moving], 0.0) + 1e-12))
-    values, vectors = np.linalg.eigh(I / np.outer(size, size) + RIDGE * np.eye(len(size)))
-    # what goes to nothing would go there at once, and all others would have to wait for it
-    step = np.maximum((vectors / np.maximum(values, RIDGE)) @ (vectors.T @ (slope / size)) / size, -LONGEST)
-    out[moving] = step * min(1.0, LONGEST / np.max(step, initial=1e-300))
-    return out, float(out @ here.slope) / 2
+    if moving.any():
+        size = np.sqrt(np.maximum(np.diag(I), 2.0 * np.maximum(here.freedom[moving], 0.0) + 1e-12))
+        values, vectors = np.linalg.eigh(I / np.outer(size, size) + RIDGE * np.eye(len(size)))
+        root = np.sqrt(np.maximum(values, RIDGE))  # the quadratic as squares: |root V' s - V' slope / root|^2
+        best = optimize.lsq_linear(
+            root[:, None] * vectors.T, vectors.T @ (slope / size) / root, (LOWEST * size, LONGEST * size), method="bvls"
+        )
+        out[moving] = best.x / size
+    return out, float(out @ here.slope - out @ here.information @ out / 2)

@@ -130,10 +130,8 @@ def own_noises(problem: Problem) -> dict[str, dict[str, float]]:
     """Output -> recording -> std that is given there, of those outputs of which it is not the same in all recordings that give one."""
     found: dict[str, dict[str, float]] = {}
     for recording in problem.recordings:
-        for name, own in recording.output_std.items():
-            given = problem.weights.noise(name, recording.name)
-            std = own if given is None else given
-            if std is not None:
+        for name in recording.outputs:
+            if (std := problem.weights.noise(name, recording)) is not None:
                 found.setdefault(name, {})[recording.name] = std
     return {name: own for name, own in found.items() if len(set(own.values())) > 1}
 
@@ -163,10 +161,10 @@ def _given(problem: Problem, knobs: Turned) -> Array:
     """theta (F,) of the weights that the problem gives, NaN of those that it leaves out."""
     stds = {f"W of {name}": std for name, std in problem.weights.W.items()}
     stds |= {f"drift of {name}": free.drift for name, free in problem.varying.items() if free.drift is not None}
-    for recording in problem.recordings:
-        if recording.role == "fit":
-            stds |= {f"V of {name}": std for name, std in recording.output_std.items() if std is not None}
     stds |= {f"V of {name}": std for name, std in problem.weights.V.items()}
+    for r in problem.recordings:
+        if r.role == "fit":
+            stds |= {f"V of {name}": std for name in r.outputs if (std := problem.weights.noise(name, r)) is not None}
     kept = {f"V of {name}" for name in own_noises(problem)}
     stds |= {w.label: w.std for w in knobs.weights if w.label in kept}
     # of an output whose recordings differ by what the data say, one number is not what was given

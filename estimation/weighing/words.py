@@ -104,7 +104,7 @@ def _weights(found: Weighing) -> list[str]:
 
 def _given_noise(found: Weighing, output: str) -> list[float]:
     """The noise that the problem gives an output of the fitted recordings."""
-    given = [found.problem.weights.noise(output, r.name) or r.output_std.get(output) for r in found.problem.recordings if r.role == "fit"]
+    given = [found.problem.weights.noise(output, r) for r in found.problem.recordings if r.role == "fit"]
     return [std for std in given if std is not None]
 
 

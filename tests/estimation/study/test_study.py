@@ -116,11 +116,11 @@ def test_weights_are_standard_deviations_or_their_inverse_squares(folder):
 
 def test_the_noise_of_one_recording_is_named_by_its_file_and_range(folder):
     alone = study(folder, NOISY + '\n[weights]\nV = { "x [record.csv]" = { std = 3e-6 } }\n').problem()
-    assert alone.weights.noise("x", alone.recordings[0].name) == 3e-6
+    assert alone.weights.noise("x", alone.recordings[0]) == 3e-6
     own = NOISY[NOISY.index("[[recording]]") :]
     two = own.replace("role", "range = [0.0, 0.9]\nrole") + "\n" + own.replace('"fit"', '"held_out"\nrange = [1.0, 1.9]')
     parts = study(folder, swap(own, two, NOISY) + '\n[weights]\nV = { "x [record.csv [1, 1.9]]" = { std = 3e-6 } }\n').problem()
-    assert [parts.weights.noise("x", r.name) for r in parts.recordings] == [None, 3e-6]
+    assert [parts.weights.noise("x", r) for r in parts.recordings] == [None, 3e-6]
 
 
 def test_a_noise_that_is_given_twice_alike_is_no_matter(folder):

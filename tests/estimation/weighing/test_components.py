@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from backsight.estimation.weighing.components import Component, _along, _step
 from backsight.estimation.weighing.setting import Outcome, Setting
@@ -49,20 +50,36 @@ def test_influence_is_counted_in_deviations_and_of_what_is_not_determined_there_
 
 
 def test_steps_go_along_the_variances_and_shorter_ones_less_far():
-    step = np.array([0.15, -0.075 / 0.2, -2.0, 0.0])
-    variance = np.array([1.0, 0.2, 1.0, 1.0])
+    step, variance = np.array([0.15, -0.075 / 0.2, 0.0]), np.array([1.0, 0.2, 1.0])
     parts = np.array([np.exp(2 * _along(step, length)) * variance for length in (1.0, 1 / 3, 1 / 9)])
     # what one variance has more the other has less, in any part of the step
     assert parts[:, 0] - 1.0 == pytest.approx([0.3, 0.1, 0.3 / 9])
     assert parts[:, 1] - 0.2 == pytest.approx([-0.15, -0.05, -0.15 / 9])
-    # what would leave less than nothing is as much in theta as a step may be, and its parts are parts of that
-    assert np.log(parts[:, 2]) / 2 == pytest.approx([-1.5, -0.5, -1.5 / 9])
-    assert parts[:, 3] == pytest.approx(1.0)
+    assert parts[:, 2] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_goes_to_nothing_goes_no_further_and_the_others_step_as_is_best_beside_it(seed):
+    """A sensor that made room for a force below nothing lost by it what the force gained: the search crept, and did not settle.
+
+    The truth is the quadratic's greatest value within the bounds, by a general method.
+    """
+    rng = np.random.default_rng(seed)
+    B = rng.normal(size=(9, 4))
+    here = SimpleNamespace(freedom=np.full(4, 10.0), information=B.T @ B, slope=3.0 * rng.normal(size=4))
+    step, promise = _step(SimpleNamespace(noise=np.ones(4, dtype=bool)), here, np.ones(4, dtype=bool))
+    best = optimize.minimize(
+        lambda s: s @ here.information @ s / 2 - s @ here.slope, np.zeros(4), method="L-BFGS-B", bounds=[(-0.475, 1.5)] * 4
+    )
+    assert step.min() >= -0.475 - 1e-12
+    assert np.exp(2 * _along(step, 1.0)).min() > 0.0499
+    assert promise == pytest.approx(-best.fun, rel=0.02, abs=0.01)
+    assert step == pytest.approx(best.x, rel=0.05, abs=0.02)
 
 
 def test_a_force_that_goes_to_nothing_does_not_hold_up_the_others():
-    """Its own step has no length; it took the promise of all steps with it, and a search ended 500 nats below its summit."""
+    """Its own step had no length; it took the promise of all steps with it, and a search ended 500 nats below its summit."""
     here = SimpleNamespace(freedom=np.array([1.0, 500.0]), slope=np.array([-50.0, 100.0]), information=np.diag([1e-3, 1e3]))
     step, promise = _step(SimpleNamespace(noise=np.array([False, True])), here, np.ones(2, dtype=bool))
-    assert step == pytest.approx([-1.5, 0.1], rel=2e-3)
-    assert promise == pytest.approx((1.5 * 50 + 0.1 * 100) / 2, rel=2e-3)
+    assert step == pytest.approx([-0.475, 0.1], rel=2e-3)
+    assert promise == pytest.approx(0.475 * 50 + 0.1 * 100 / 2, rel=2e-3)
