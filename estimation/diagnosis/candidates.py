@@ -149,7 +149,8 @@ class Candidate:
     effect is that strength's times a sine of 2 pi position over the one shape; no component is needed to look at it. larger: two strengths
     of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted. later: as start, of
     those that lead a fit astray while the others are far off: free when it is kept. rounded: parameter -> that of which it is a share, and
-    the share, by what that was found to be when it is kept. stated: a number that the study itself gives, doubted before one of the model.
+    the share, by what that was found to be when it is kept. beside: parameter of the base model -> factor of it where a fit starts, so that
+    both together are what it was alone; if it is free. stated: a number that the study itself gives, doubted before one of the model.
     """
 
     place: str
@@ -171,6 +172,7 @@ class Candidate:
     dear: bool = False
     later: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     rounded: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    beside: Mapping[str, float] = field(default_factory=dict)
     stated: bool = False
 
     @property

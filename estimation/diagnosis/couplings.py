@@ -29,7 +29,8 @@ DAMPING, DAMPING_OF_PLAY = 0.05, 0.3  # ratios
 PLAYS = (0.005, 0.0005)  # of the span of the positions, from which fits start
 CORNER = 0.02  # of the play, over which it is rounded; while one is sought, of the largest that fits start from
 LOOSE = (0.05, 0.3)  # of the span of the twist of a soft coupling
-SECTION = 0.1  # of the inertia behind a string: that of a section of its own
+STIFFER = 10.0  # than a string as a whole, the section at one of its ends from which fits start
+SECTION = 0.4, 0.1  # of the inertia behind a string, and before it: what turns where that section ends, at the start of a fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,16 +117,29 @@ def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], 
             found.append(
                 replace(_of_transmission(spot.name, "backlash", loose, start, {"gap": f"{spot.name}.gap"}), rounded=_corners(spot))
             )
-    behind = _mass(model, f"{spot.name}.{spot.flanges[1]}", masses)
-    if behind:
-        body, second = f"{spot.name}_section", f"{spot.name}_2"
-        section = SECTION * behind
-        edit = Sectioned(coupling=spot.name, body=body, second=second, inertia=section)
-        stiffness, inertia = f"{second}.k", f"{body}.{'m' if slides else 'J'}"
-        start = {stiffness: (2 * k, k / 10, k * 1e3), inertia: (section, section / 1e3, behind * 10)}
-        rebuilt = Rebuild(edit=edit, said=f"{second}, {body} behind {spot.name}")
-        found.append(_of_transmission(spot.name, "compliance", rebuilt, start, {"k": stiffness, "m": inertia}))
+    for flange, share in zip(reversed(spot.flanges), SECTION, strict=True):
+        whole = _mass(model, f"{spot.name}.{flange}", masses)
+        if whole:
+            found.append(_in_two(model, spot, flange, k, whole, share))
     return found
+
+
+def _in_two(model: Model, spot: Spot, flange: str, k: float, whole: float, share: float) -> Candidate:
+    """A stiff section at a flange of a soft coupling, with a body where it ends.
+
+    That begins with a share of the mass `whole` that the model has at the flange, and the sections together as soft as the coupling was:
+    a motion that hangs on when a bit sticks is lost where all of it turns with another inertia.
+    """
+    slides, body, second = spot.kind == "translational", f"{spot.name}_section", f"{spot.name}_2"
+    word, section = ("m" if slides else "J"), share * whole
+    edit = Sectioned(coupling=spot.name, flange=flange, body=body, second=second, inertia=section)
+    stiffness, inertia = f"{second}.k", f"{body}.{word}"
+    start = {stiffness: (STIFFER * k, k / 10, k * 1e3), inertia: (section, section / 1e3, whole * 10)}
+    said = f"{second}, {body} {'before' if flange == spot.flanges[0] else 'behind'} {spot.name}"
+    bodies = [n for n in neighbours(model, f"{spot.name}.{flange}") if word in model.components[n].declared_parameters]
+    beside = {f"{spot.name}.k": STIFFER / (STIFFER - 1.0), **{f"{n}.{word}": 1.0 - share for n in bodies}}
+    c = _of_transmission(spot.name, "compliance", Rebuild(edit=edit, said=said), start, {"k": stiffness, "m": inertia})
+    return replace(c, beside={own_name(model, name): factor for name, factor in beside.items()})
 
 
 def _rebuilt(coupling: str, mass: tuple[str, Component] | None, moved: tuple[str, str] | None, component: Component) -> Rebuild:
@@ -157,9 +171,10 @@ def _corners(spot: Spot) -> dict[str, tuple[str, float]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Sectioned:
-    """An edit: a soft coupling in two, with a body between them."""
+    """An edit: a soft coupling in two, the second one at a flange, with a body between them."""
 
     coupling: str
+    flange: str
     body: str
     second: str
     inertia: float
@@ -168,15 +183,14 @@ class Sectioned:
         old = model.components[self.coupling]
         slides = isinstance(old, SOFT[:2])
         mass = sliding.Mass(m=self.inertia) if slides else self._turning(old)
-        first, last = tuple(old.declared_connectors)
-        end = f"{self.coupling}.{last}"
-        flange = next(iter(mass.declared_connectors))
-        other = {end: f"{self.second}.{last}"}
+        (inner,) = (f for f in old.declared_connectors if f != self.flange)
+        end, own = f"{self.coupling}.{self.flange}", f"{self.body}.{next(iter(mass.declared_connectors))}"
+        other = {end: f"{self.second}.{self.flange}"}
         moved = tuple((other.get(a, a), other.get(b, b)) for a, b in model.connections)
         return replace(
             model,
             components={**model.components, self.body: mass, self.second: old},
-            connections=(*moved, (end, f"{self.body}.{flange}"), (f"{self.body}.{flange}", f"{self.second}.{first}")),
+            connections=(*moved, (end, own), (own, f"{self.second}.{inner}")),
         )
 
     def _turning(self, old: Component) -> Component:

@@ -116,6 +116,9 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
     for name in list(parameters):
         if name not in info:
             del parameters[name]
+    for name, factor in candidate.beside.items():
+        if isinstance(free := parameters.get(name), Free):
+            parameters[name] = replace(free, guess=float(np.clip(factor * free.guess, free.min, free.max)))
     for name in (*candidate.strengths, *candidate.start):
         guess, low, high = candidate.start.get(name, (info[name].value, info[name].minimum, info[name].maximum))
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)

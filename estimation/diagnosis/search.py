@@ -16,6 +16,7 @@ from ..smoothing.program import Settings
 from .candidates import Candidate
 from .choice import (
     CLEAR,
+    SIGNALS,
     chosen,
     clear,
     coloured,
@@ -328,6 +329,8 @@ class Search:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
         worst = max(self.left, key=lambda p: self.left[p], default="")
         for c, s, f in fits:
+            if c.family in SIGNALS and f.result is not None and coloured(f.result):
+                continue  # a sensor or an input that stands for what is left of a motion leaves it in the errors
             if clear(s, f) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
                 before = self.result.residual_places[worst].rms
                 if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:

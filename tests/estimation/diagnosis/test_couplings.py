@@ -10,6 +10,9 @@ import pytest
 from backsight.estimation.diagnosis.couplings import of_coupling, of_soft, place_of
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import elements
+from backsight.estimation.diagnosis.refit import begun, posed
+from backsight.estimation.problem import Free, Problem
+from backsight.estimation.recordings.recording import Recording
 from backsight.models import compile_model, simulate
 from backsight.models.mechanics.translational import SpringDamper
 from backsight.models.plants import PLANTS, actuator
@@ -149,3 +152,33 @@ def test_a_coupling_in_two_sections_leaves_others_alone_whose_names_end_like_its
     ends = {end for pair in section.edited(beside).connections for end in pair}
     assert "other_screw.flange_b" in ends
     compile_model(section.edited(beside))
+
+
+def test_a_string_in_two_sections_begins_as_what_it_was_in_one():
+    """As soft, and with all that turns at its end as heavy: the rest of the motion hangs on that where a bit sticks and slips."""
+    model = PLANTS["drillstring"]()
+    (spot,) = (s for s in elements(model) if s.name == "string")
+    known = {"string.k": 0.08, "rotary_table.J": 0.3, "bha.J": 0.09}
+    found = [c for c in of_soft(model, spot, MOTION, {"rotary_table": 0.3, "bha": 0.09}, known) if c.physics == "compliance"]
+    stiff_at = {"string_2.flange_a": 0, "string_2.flange_b": 1}
+    free = {**{name: Free(value, 0.0, 10.0) for name, value in known.items()}, "rotary_table.J": 0.3}
+    time = np.arange(5) / 10
+    problem = Problem(
+        model=model,
+        recordings=[Recording(name="r", time=time, inputs={"V": 0 * time}, outputs={"I_m": 0 * time, "Omega_r": time})],
+        parameters=free,
+    )
+    outer = set()
+    for c in found:
+        edited = posed(problem, model, c, begun(c, None, known))[0]
+        p = {name: v.guess if isinstance(v, Free) else v for name, v in edited.parameters.items()}
+        assert p["string.k"] * p["string_2.k"] / (p["string.k"] + p["string_2.k"]) == pytest.approx(0.08)
+        # what the study knows of the table stays what it is
+        assert p["rotary_table.J"] == 0.3
+        behind = p["bha.J"] + p["string_section.J"]
+        ends = {a if b.startswith("bha.") else b for a, b in c.edited(model).connections if "bha." in a + b and "string" in a + b}
+        assert behind == pytest.approx(0.09 if ends == {"string_2.flange_b"} else 0.09 + 0.03)
+        outer |= {
+            stiff_at[end] for pair in c.edited(model).connections for end in pair if end in stiff_at and "section" not in "".join(pair)
+        }
+    assert outer == {0, 1}
