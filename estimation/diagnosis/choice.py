@@ -224,6 +224,11 @@ def clear(s: Screened | None, f: Fitted) -> bool:
     return f.gain > (max(CLEAR, DOUBTS * f.doubt) if s is None else CLEAR * s.inflation)
 
 
+def explaining(c: Candidate, s: Screened | None, f: Fitted) -> bool:
+    """Whether a fit explains something. A sensor or an input that stands for what is left of a motion leaves some of that in the errors."""
+    return clear(s, f) and sound(c, f) and not (c.family in SIGNALS and f.result is not None and coloured(f.result))
+
+
 def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, int]]]) -> T:
     """Of fits (what it is, its score, nats gained, rank and size), best first: the plainest of those that cannot be told from the best.
 

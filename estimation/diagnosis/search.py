@@ -16,10 +16,10 @@ from ..smoothing.program import Settings
 from .candidates import Candidate
 from .choice import (
     CLEAR,
-    SIGNALS,
     chosen,
     clear,
     coloured,
+    explaining,
     held_unseen,
     idle,
     misleading,
@@ -272,9 +272,9 @@ class Search:
         fits = _gained(self._fits([(s.candidate, s) for s in worth]), now)
         more = self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits))])
         fits = _gained([*fits, *more], now)
-        most, cheap = max(sizes.left.values(), default=0.0), any(clear(s, f) and sound(c, f) for c, s, f in fits)
+        most, plain = max(sizes.left.values(), default=0.0), [fit for fit in fits if explaining(*fit)]
         hinted = most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))
-        if not self._explains(fits) and (most > FLOOR or (hinted and not cheap)):
+        if not self._explains(plain) and (most > FLOOR or (hinted and not plain)):
             dear = self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
@@ -328,10 +328,8 @@ class Search:
     def _explains(self, fits: list[Judged]) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
         worst = max(self.left, key=lambda p: self.left[p], default="")
-        for c, s, f in fits:
-            if c.family in SIGNALS and f.result is not None and coloured(f.result):
-                continue  # a sensor or an input that stands for what is left of a motion leaves it in the errors
-            if clear(s, f) and sound(c, f) and f.result is not None and worst in f.result.residual_places:
+        for _, _, f in fits:
+            if f.result is not None and worst in f.result.residual_places:
                 before = self.result.residual_places[worst].rms
                 if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
                     return True

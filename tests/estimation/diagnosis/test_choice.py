@@ -19,6 +19,7 @@ from backsight.estimation.diagnosis.choice import (
     clear,
     coloured,
     evened,
+    explaining,
     held_unseen,
     idle,
     matters,
@@ -191,6 +192,15 @@ def test_a_fault_of_an_input_with_which_more_is_left_over_explains_nothing(famil
     (c, better, small), (_, worse, large) = fits
     assert misleading(c, worse, small) is (family == "actuator")
     assert misleading(c, better, large) is False
+
+
+@pytest.mark.parametrize(("friction", "family", "told"), [(0.0, "sensor", True), (20.0, "sensor", False), (20.0, "friction", True)])
+def test_a_sensor_explains_no_motion_while_its_errors_are_coloured(friction, family, told):
+    """The friction of 20 N is in no model: what a sensor was found to do does not stand for it."""
+    result = smooth(posed(run(2.0, 2e-3, f_c=friction), W={"carriage": 0.05}))
+    c = Candidate(place="sensor:x", family=family, physics="sensor_delay", strengths=("carriage.m",))
+    assert result.parameters["carriage.m"].std
+    assert explaining(c, None, Fitted(candidate=c, result=result, gain=100.0)) is told
 
 
 def test_evidence_counts_for_what_it_is_worth_beside_residuals_that_are_not_white():
