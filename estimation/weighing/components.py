@@ -122,29 +122,41 @@ def maximise(
     gain: float = GAIN,
 ) -> Found:
     """The greatest likelihood over the weights `moving` (F,) bool, from theta (F,), of which `here` is the likelihood if it is known."""
-    here, settled = here or _at(turned, theta, None), False
+    here, settled, again = here or _at(turned, theta, None), False, False
     if not moving.any() or not np.isfinite(here.value):  # nothing to seek, or no minimum to begin at
         return Found(theta=theta, moving=moving, likelihood=here, settled=not moving.any())
-    step, promise = _step(turned, here, moving)
     for rounds in range(1, ROUNDS + 1):
+        step, promise = _step(turned, here, moving)
         if say is not None:
             say(f"weights from the likelihood, round {rounds}: log likelihood {here.value:.2f}, {promise:.2g} to be gained")
         if promise < gain:
             settled = True
             break
-        length = 1.0
-        while length > 0.1:
-            further = theta + _along(step, length)
-            there = _at(turned, further, here.solution.solved.decisions)
-            if np.isfinite(there.value) and there.value > here.value - gain:
-                break
-            length /= 3.0
+        further, there = _uphill(turned, theta, step, here, gain)
+        if _no_worse(there, here, gain):
+            theta, here, again = further, there, False
+        elif not again and there.solution.solved.status.converged:
+            # a solve that stopped early is worth more than its minimum: where a trajectory went on from it, this one goes there too
+            here, again = _at(turned, theta, there.solution.solved.decisions), True
         else:
             settled = promise < ROUGH_GAIN  # less than what solves at their tolerance tell
             break
-        theta, here = further, there
-        step, promise = _step(turned, here, moving)
     return Found(theta=theta, moving=moving, likelihood=here, settled=settled)
+
+
+def _uphill(turned: Turned, theta: Array, step: Array, here: Likelihood, gain: float) -> tuple[Array, Likelihood]:
+    """As much of a step as is no worse, and the likelihood there; else the least that was tried."""
+    length = 1.0
+    while True:
+        further = theta + _along(step, length)
+        there = _at(turned, further, here.solution.solved.decisions)
+        length /= 3.0
+        if length < 0.1 or _no_worse(there, here, gain):
+            return further, there
+
+
+def _no_worse(there: Likelihood, here: Likelihood, gain: float) -> bool:
+    return bool(np.isfinite(there.value) and there.value > here.value - gain)
 
 
 def without(turned: Turned, best: Found, f: int) -> float:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from backsight.estimation.weighing.components import Component, _along, _step
+from backsight.estimation.weighing import components
+from backsight.estimation.weighing.components import Component, _along, _step, maximise
 from backsight.estimation.weighing.setting import Outcome, Setting
 from backsight.estimation.weighing.weigh import _moves
 from backsight.estimation.wording import per_root_bandwidth
@@ -83,3 +84,23 @@ def test_a_force_that_goes_to_nothing_does_not_hold_up_the_others():
     step, promise = _step(SimpleNamespace(noise=np.array([False, True])), here, np.ones(2, dtype=bool))
     assert step == pytest.approx([-0.475, 0.1], rel=2e-3)
     assert promise == pytest.approx(0.475 * 50 + 0.1 * 100 / 2, rel=2e-3)
+
+
+def test_a_solve_that_stopped_early_does_not_end_the_search(monkeypatch):
+    """What it is worth too much, .3 nats here, no step gains; asked again from where one of these went on it is worth what it is."""
+
+    def at(_: object, theta: np.ndarray, start: object) -> SimpleNamespace:
+        early = 0.3 if start is None else 0.0
+        solved = SimpleNamespace(status=SimpleNamespace(converged=True), decisions="there")
+        return SimpleNamespace(
+            value=early - 50.0 * float((theta[0] - 1.0) ** 2),
+            slope=100.0 * (1.0 - theta),
+            information=np.array([[100.0]]),
+            freedom=np.array([50.0]),
+            solution=SimpleNamespace(solved=solved),
+        )
+
+    monkeypatch.setattr(components, "_at", at)
+    found = maximise(SimpleNamespace(noise=np.array([True])), np.array([0.95]), np.ones(1, dtype=bool))
+    assert found.settled
+    assert found.theta == pytest.approx([1.0], abs=0.01)
