@@ -18,11 +18,12 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Exchange, Rebuild
 from .laws import Motion
-from .places import Spot, neighbours, node, own_name, sensors
+from .places import Spot, grounds, neighbours, node, own_name, sensors
 
 RIGID = (sliding.Rigid, turning.RotationalRigid)
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
 SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, turning.RotationalSpring)
+WORDS = {"translational": "m", "rotational": "J"}  # what the inertia of a body is called
 SHARE = 0.3  # of the mass behind a coupling, that before it where the model has none there
 RESONANCES = (8.0, 30.0)  # Hz, of the stiffnesses from which fits start
 DAMPING, DAMPING_OF_PLAY = 0.05, 0.3  # ratios
@@ -68,7 +69,8 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
         return []
     slides = spot.kind == "translational"
     first, second = (f"{spot.name}.{f}" for f in spot.flanges)
-    before, behind = (_mass(model, end, masses) for end in (first, second))
+    before = _sum(bodies_at(model, first, WORDS[spot.kind]), masses)
+    behind = _sum(bodies_behind(model, spot.name, second, WORDS[spot.kind]), masses)
     place = place_of(model, spot)
     if before is None and place != spot.name:
         before = behind  # a body drives it by way of ideal couplings; of what order its inertia is there is enough to start from
@@ -118,7 +120,7 @@ def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], 
                 replace(_of_transmission(spot.name, "backlash", loose, start, {"gap": f"{spot.name}.gap"}), rounded=_corners(spot))
             )
     for flange, share in zip(reversed(spot.flanges), SECTION, strict=True):
-        whole = _mass(model, f"{spot.name}.{flange}", masses)
+        whole = _sum(bodies_at(model, f"{spot.name}.{flange}", WORDS[spot.kind]), masses)
         if whole:
             found.append(_in_two(model, spot, flange, k, whole, share))
     return found
@@ -130,13 +132,13 @@ def _in_two(model: Model, spot: Spot, flange: str, k: float, whole: float, share
     That begins with a share of the mass `whole` that the model has at the flange, and the sections together as soft as the coupling was:
     a motion that hangs on when a bit sticks is lost where all of it turns with another inertia.
     """
-    slides, body, second = spot.kind == "translational", f"{spot.name}_section", f"{spot.name}_2"
-    word, section = ("m" if slides else "J"), share * whole
+    body, second = f"{spot.name}_section", f"{spot.name}_2"
+    word, section = WORDS[spot.kind], share * whole
     edit = Sectioned(coupling=spot.name, flange=flange, body=body, second=second, inertia=section)
     stiffness, inertia = f"{second}.k", f"{body}.{word}"
     start = {stiffness: (STIFFER * k, k / 10, k * 1e3), inertia: (section, section / 1e3, whole * 10)}
     said = f"{second}, {body} {'before' if flange == spot.flanges[0] else 'behind'} {spot.name}"
-    bodies = [n for n in neighbours(model, f"{spot.name}.{flange}") if word in model.components[n].declared_parameters]
+    bodies = bodies_at(model, f"{spot.name}.{flange}", word)
     beside = {f"{spot.name}.k": STIFFER / (STIFFER - 1.0), **{f"{n}.{word}": 1.0 - share for n in bodies}}
     c = _of_transmission(spot.name, "compliance", Rebuild(edit=edit, said=said), start, {"k": stiffness, "m": inertia})
     return replace(c, beside={own_name(model, name): factor for name, factor in beside.items()})
@@ -214,10 +216,27 @@ def place_of(model: Model, spot: Spot) -> str:
     return spot.name
 
 
-def _mass(model: Model, end: str, masses: dict[str, float]) -> float | None:
-    """What inertia the model has at a flange, also behind ideal couplings (there its size is of no meaning: that of one body then)."""
-    there = [masses[n] for n in neighbours(model, end) if masses.get(n, 0.0) > 0]
-    return sum(there) if there else None
+def bodies_at(model: Model, end: str, word: str) -> list[str]:
+    """Components with an inertia of that name (`m` or `J`) at a flange."""
+    return sorted(n for n in neighbours(model, end) if word in model.components[n].declared_parameters)
+
+
+def bodies_behind(model: Model, element: str, end: str, word: str) -> list[str]:
+    """The nearest ones that a flange of an element moves, at it or by way of joints; not through the element itself."""
+    seen, ends = {element, *grounds(model)}, {end}
+    while ends:
+        here = {n for e in ends for n in neighbours(model, e)} - seen
+        if found := sorted(n for n in here if word in model.components[n].declared_parameters):
+            return found
+        seen |= here
+        passing = [n for n in here if not isinstance(model.components[n], (*SOFT, turning.Rack, turning.Gear))]
+        ends = {f"{n}.{port}" for n in passing for port in model.components[n].declared_connectors}
+    return []
+
+
+def _sum(bodies: list[str], masses: dict[str, float]) -> float | None:
+    """What their masses or inertias come to [kg or kg.m2]; None where that is nothing."""
+    return sum(masses.get(n, 0.0) for n in bodies) or None
 
 
 def _moved(pair: tuple[str, str], sensor: str, flange: str) -> tuple[str, str]:

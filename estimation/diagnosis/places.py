@@ -31,7 +31,7 @@ def bodies(model: Model) -> list[Spot]:
 
 def elements(model: Model) -> list[Spot]:
     """Components between two flanges of one kind, neither held by the ground; not a gear, whose sides turn at rates of their own."""
-    held = {end for ground in _grounds(model) for end in node(model, f"{ground}.{_first(model, ground)}")}
+    held = {end for ground in grounds(model) for end in node(model, f"{ground}.{_first(model, ground)}")}
     found = [spot for spot in _spots(model) if len(spot.flanges) == 2 and not isinstance(model.components[spot.name], Gear)]
     return [spot for spot in found if not held & {f"{spot.name}.{f}" for f in spot.flanges}]
 
@@ -50,19 +50,30 @@ def neighbours(model: Model, flange: str) -> set[str]:
     return {end.partition(".")[0] for end in node(model, flange)}
 
 
+def joined_to(model: Model, name: str) -> set[str]:
+    """Components at any flange of one."""
+    return {n for port in model.components[name].declared_connectors for n in neighbours(model, f"{name}.{port}")} - {name}
+
+
 def grounded(model: Model, flange: str) -> bool:
     """Whether the ground holds a flange."""
-    return bool(neighbours(model, flange) & set(_grounds(model)))
+    return bool(neighbours(model, flange) & set(grounds(model)))
+
+
+def grounds(model: Model) -> list[str]:
+    """Components that stand still."""
+    kinds = tuple(GROUNDS.values())
+    return [name for name, c in model.components.items() if isinstance(c, kinds)]
 
 
 def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[str]]:
     """Word -> parameters of that name of components at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
     found: dict[str, list[str]] = {}
-    grounds, here = set(_grounds(model)), _at(model, spot)
+    held, here = set(grounds(model)), _at(model, spot)
     for owner in sorted({end.partition(".")[0] for end in here}):
         component = model.components[owner]
         others = [f"{owner}.{f}" for f in component.declared_connectors if f"{owner}.{f}" not in here]
-        if owner != spot.name and not all(neighbours(model, end) & grounds for end in others):
+        if owner != spot.name and not all(neighbours(model, end) & held for end in others):
             continue  # between this body and another
         for word in words:
             if word in component.declared_parameters:
@@ -110,9 +121,9 @@ def sensors(model: Model) -> set[str]:
 
 
 def _spots(model: Model) -> Iterator[Spot]:
-    grounds, reading = set(_grounds(model)), sensors(model)
+    held, reading = set(grounds(model)), sensors(model)
     for name, component in model.components.items():
-        if name in grounds:
+        if name in held:
             continue
         for kind, word in KINDS.items():
             own = tuple(port for port, c in component.declared_connectors.items() if type(c) is kind)
@@ -125,11 +136,6 @@ def _spots(model: Model) -> Iterator[Spot]:
 
 def _has_state(component: Component) -> bool:
     return any(v.state for v in component.declared_variables.values())
-
-
-def _grounds(model: Model) -> list[str]:
-    kinds = tuple(GROUNDS.values())
-    return [name for name, c in model.components.items() if isinstance(c, kinds)]
 
 
 def _first(model: Model, name: str) -> str:

@@ -37,6 +37,7 @@ from .indistinct import indistinct
 from .library import library
 from .offsets import counted_out
 from .onsets import dated, late, moved
+from .places import joined_to
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -275,7 +276,7 @@ class Search:
         most, plain = max(sizes.left.values(), default=0.0), [fit for fit in fits if explaining(*fit)]
         hinted = most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))
         if not self._explains(plain) and (most > FLOOR or (hinted and not plain)):
-            dear = self._fits([(c, None) for c in candidates if c.dear and sizes.left.get(c.place, most) >= NEAR * most])
+            dear = self._fits([(c, None) for c in candidates if c.dear and self._left_near(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
         self._remember(fits)
@@ -334,6 +335,14 @@ class Search:
                 if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
                     return True
         return False
+
+    def _left_near(self, place: str, most: float) -> float:
+        """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""
+        if place in self.left:
+            return self.left[place]
+        merged = self.problem.dae.merged_places
+        joined = {merged.get(name, name) for name in joined_to(self.model, place)}
+        return max((self.left[name] for name in joined if name in self.left), default=most)
 
     def _remember(self, fits: list[Judged]) -> None:
         for c, s, f in fits:

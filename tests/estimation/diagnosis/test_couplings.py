@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigvals
 
-from backsight.estimation.diagnosis.couplings import of_coupling, of_soft, place_of
+from backsight.estimation.diagnosis.couplings import bodies_behind, of_coupling, of_soft, place_of
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import elements
 from backsight.estimation.diagnosis.refit import begun, posed
 from backsight.estimation.problem import Free, Problem
 from backsight.estimation.recordings.recording import Recording
-from backsight.models import compile_model, simulate
+from backsight.models import Model, compile_model, simulate
 from backsight.models.mechanics.translational import SpringDamper
-from backsight.models.plants import PLANTS, actuator
+from backsight.models.plants import PLANTS, actuator, xy_table
 
 MOTION = Motion(v_rms=0.2, low=-0.1, high=0.1)
 
@@ -50,23 +51,7 @@ def test_a_screw_may_be_soft_or_loose_and_the_encoder_at_either_end():
 
 
 def test_soft_screws_resonate_where_they_say():
-    found = set()
-    for c in screws("compliance"):
-        dae = compile_model(c.edited(actuator()))
-        p = dae.parameter_values({"friction.d": 0.0, "friction.f_c": 0.0, "offset.f": 0.0, "screw.d": 0.0})
-        F = dae.function()
-        nx = len(dae.states)
-        zero = [np.zeros(n) for n in (nx, nx, len(dae.algebraics), len(dae.inputs))]
-
-        def column(which: int, i: int, F=F, p=p, zero=zero, dae=dae) -> np.ndarray:
-            at = [z.copy() for z in zero]
-            at[which][i] = 1.0
-            moved, still = (np.asarray(F(*a, p, np.zeros(len(dae.places)), 0.0)[0]).ravel() for a in (at, zero))
-            return moved - still
-
-        E, A = (np.column_stack([column(which, i) for i in range(nx)]) for which in (0, 1))
-        rates = np.linalg.eigvals(-np.linalg.solve(E, A))
-        found.add(round(float(np.abs(rates).max() / (2 * np.pi)), 6))
+    found = {round(swing(c.edited(actuator()), {"offset.f": 0.0}), 6) for c in screws("compliance")}
     guesses = {c.start["screw.k"][0] for c in screws("compliance")}
     assert len(guesses) == len(found)
     reduced = 1 / (1 / 95.0 + 1 / (0.3 * 95.0))  # of the masses at its ends
@@ -74,6 +59,37 @@ def test_soft_screws_resonate_where_they_say():
     actual = 1 / (1 / m + 1 / (0.3 * 95.0))
     assert sorted(found) == pytest.approx([np.sqrt(k / actual) / (2 * np.pi) for k in sorted(guesses)], rel=1e-4)
     assert reduced == pytest.approx(actual, rel=1e-3)
+
+
+def test_a_belt_behind_which_there_is_no_body_but_a_joint_is_tried_as_stiff_as_what_the_joint_moves():
+    model = xy_table()
+    spots = {s.name: s for s in elements(model)}
+    masses = {"slide_1": 3.8, "slide_2": 3.8, "end_effector": 2.3}
+    assert bodies_behind(model, "belt_1", "belt_1.flange_b", "m") == ["slide_1"]
+    assert bodies_behind(model, "belt_3", "belt_3.flange_b", "m") == sorted(masses)
+    found = [c for c in of_coupling(model, spots["belt_3"], MOTION, masses) if c.physics == "compliance"]
+    assert {c.place for c in found} == {"drive_3"}
+    swings = sorted(swing(c.edited(model), {"spindle.k": 0.0}) for c in found)
+    assert swings[0] < 30.0 < swings[-1]  # Hz: guesses lie about what such belts have
+
+
+def swing(model: Model, values: dict[str, float]) -> float:
+    """The fastest rate at which a model at rest swings [Hz], without friction."""
+    dae = compile_model(model)
+    free = {p.name: 0.0 for p in dae.parameters if p.name.endswith((".d", ".tau_c", ".f_c"))}
+    p, F, nx, nz = dae.parameter_values({**free, **values}), dae.function(), len(dae.states), len(dae.algebraics)
+    at = [np.zeros(n) for n in (nx, nx, nz, len(dae.inputs))]
+
+    def column(which: int, i: int) -> np.ndarray:
+        there = [z.copy() for z in at]
+        there[which][i] = 1.0
+        moved, still = (np.asarray(F(*a, p, np.zeros(len(dae.places)), 0.0)[0]).ravel() for a in (there, at))
+        return moved - still
+
+    A = np.column_stack([column(1, i) for i in range(nx)] + [column(2, i) for i in range(nz)])
+    E = np.column_stack([column(0, i) for i in range(nx)] + [np.zeros(len(A)) for _ in range(nz)])
+    rates = np.abs(eigvals(-A, E))
+    return float(rates[np.isfinite(rates) & (rates < 1e6)].max() / (2 * np.pi))
 
 
 def test_a_screw_that_is_nearly_rigid_moves_as_a_rigid_one_with_both_masses():
