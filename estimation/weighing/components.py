@@ -26,7 +26,7 @@ from scipy import optimize, stats
 
 from backsight.ocp import Solution
 
-from .likelihood import Likelihood
+from .likelihood import Likelihood, likelihood
 from .turned import Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -97,14 +97,20 @@ class Found:
     @cached_property
     def covariance(self) -> Array:
         """Of the theta that were sought, the others as they are, (F, F); NaN where the data do not tell."""
-        information = self.likelihood.information
-        information = (information + information.T) / 2
+        information, freedom = self.likelihood.information, self.likelihood.freedom
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         told = np.flatnonzero((size > 0) & self.moving)
         out = np.full(information.shape, np.nan)
-        values, vectors = np.linalg.eigh(information[np.ix_(told, told)] / np.outer(size[told], size[told]))
-        if np.all(values > 0):
-            out[np.ix_(told, told)] = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
+        while len(told):
+            there = information[np.ix_(told, told)] / np.outer(size[told], size[told])
+            values, vectors = np.linalg.eigh((there + there.T) / 2)
+            if np.all(values > 0):
+                out[np.ix_(told, told)] = (vectors / values) @ vectors.T / np.outer(size[told], size[told])
+                break
+            least = told[np.argmin(freedom[told])]
+            if freedom[least] >= GONE:
+                break
+            told = told[told != least]  # of what has gone rounding is left
         return out
 
     @property
@@ -223,8 +229,7 @@ def _ratio(best: Found, here: Likelihood) -> float:
 
 
 def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
-    solution = turned.solved(theta, start)
-    return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
+    return likelihood(turned, theta, turned.solved(theta, start))
 
 
 def _along(step: Array, length: float) -> Array:

@@ -20,6 +20,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..supposed import noisy_inputs
 from .components import Component, Found, doubted, maximise
+from .likelihood import bends
 from .turned import Turned, turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -71,7 +72,11 @@ def estimated(problem: Problem, say: Progress) -> Estimated:
     knobs = turned(posed, first)
     say("weights from the likelihood")
     given = _given(problem, knobs)
-    best = _likeliest(knobs, given, say)
+    best = _likeliest(knobs, given, np.zeros(len(given)), say)
+    if bends(best.solution):
+        say("weights from the likelihood, at parameters of most marginal likelihood")
+        knobs = replace(knobs, bent=True)
+        best = _likeliest(knobs, given, best.theta, say)
     return Estimated(whole=whole, posed=posed, knobs=knobs, given=given, best=best)
 
 
@@ -136,14 +141,14 @@ def own_noises(problem: Problem) -> dict[str, dict[str, float]]:
     return {name: own for name, own in found.items() if len(set(own.values())) > 1}
 
 
-def _likeliest(knobs: Turned, given: Array, say: Progress) -> Found:
-    """The weights of greatest likelihood.
+def _likeliest(knobs: Turned, given: Array, start: Array, say: Progress) -> Found:
+    """The weights of greatest likelihood, from theta `start` (F,).
 
     A sensor whose samples the residual forces can all follow does not tell its noise from them: it keeps what is given, or was at first,
     unless the data contradict that; then it stays where the search had it.
     """
     moving = np.array([w.is_component for w in knobs.weights])
-    best = maximise(knobs, np.zeros(len(knobs.weights)), moving, say=say)
+    best = maximise(knobs, start, moving, say=say)
     while True:
         share = np.where(moving & knobs.noise, best.likelihood.freedom / np.maximum(best.likelihood.counts, 1), np.inf)
         f = int(np.argmin(share))

@@ -11,11 +11,14 @@ H_0 is what the balances alone add to H, with parameters and first states known,
 the inertia, at other weights the parameters are others, and the slopes of the laws. A rounded sign in which a body rests is steep by a
 thousand times its damping: H and H_0 have it both, and l next to nothing.
 AI is the average information of Gilmour, Thompson & Cullis (Biometrics 51, 1995): the mean of the observed and the expected one, in which
-the traces that are dear to compute have cancelled. Both neglect how H and H_0 bend with X^.
+the traces that are dear to compute have cancelled. Both neglect how H and H_0 bend with a trajectory.
+
+With the parameters they bend where white forces are large and little damps: g = d/dp (1/2 log det H_0 - 1/2 log det H), H without the
+parameters, and l falls short by 1/2 g'Sigma g where X^ are the most probable parameters together with a trajectory. Where that is BENT or
+more X^ is the trajectory at the parameters of most marginal likelihood (`smoothing/marginal.py`), about which Laplace's bell is one.
 
 A parameter that lies on its bound is integrated out like the others, or l would jump by the logarithm of its deviation where one comes to
-lie there: H has it as if it were free, and with a its pull beyond the bound, in its deviations, what is left of its integral is
-exp(a^2/2) 2 Phi(-a) of that.
+lie there: H has it held, and `edges.py` its integral.
 """
 
 from __future__ import annotations
@@ -25,28 +28,52 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import log_ndtr
 
 from backsight.ocp import Solution
 from backsight.ocp.marginal import log_density_of_forces
 
-from ..smoothing.marginal import at
+from ..smoothing.marginal import at, marginal
 from ..smoothing.robust import row_squares
+from .edges import Edges, edges
 from .kkt import gauss_newton
-from .turned import Mask
+from .turned import Mask, Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 BY_ITSELF = ("samples", "initial state", "parameter prior", "further prior")  # terms whose rows are densities of what they are said of
+BENT = 0.05  # nats, see above
 LEAST = 0.1  # degrees of freedom, of which squares say anything
 Rows = list[tuple[int, Mask]]  # number of a term, which of its rows
 
 
+def likelihood(turned: Turned, theta: Array, solution: Solution) -> Likelihood:
+    """Of a solution with log factors theta (F,) on the standard deviations; its own is another one where determinants bend."""
+    if turned.bent and solution.solved.status.converged:
+        solution = marginal(turned.program, solution, lambda _: None).solution
+    n = solution.transcription.nlp.trajectory_size
+    bounds = turned.program.lower[n:], turned.program.upper[n:]
+    return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))], bounds, turned.bent)
+
+
+def bends(solution: Solution) -> bool:
+    """Whether determinants bend so much with the parameters that the likelihood is another one."""
+    there = at(solution)
+    if not there.minimum:
+        return False
+    g = there.determinants
+    return bool(0.5 * g @ there.covariance @ g > BENT)
+
+
 @dataclass(frozen=True)
 class Likelihood:
-    """Of a solution, with the rows of every weight (F lists)."""
+    """Of a solution, with the rows of every weight (F lists) and the bounds of its np free parameters, as decisions.
+
+    bent: whether its parameters are those of most marginal likelihood.
+    """
 
     solution: Solution
     rows: Sequence[Rows]
+    bounds: tuple[Array, Array]
+    bent: bool = False
 
     @cached_property
     def value(self) -> float:
@@ -62,7 +89,7 @@ class Likelihood:
             if not term.equality:
                 total -= 0.5 * float(np.sum(r**2))
         n = s.transcription.nlp.trajectory_size
-        determinant, left = self._integrated
+        determinant, left = s.curvature.log_determinant, self._edges
         try:
             density = log_density_of_forces(s)
         except np.linalg.LinAlgError:
@@ -70,20 +97,16 @@ class Likelihood:
         # of both matrices in the program's units, the first states and the parameters are in one of them only
         free = np.zeros(s.transcription.nlp.size, dtype=bool)
         free[s.transcription.starts], free[n:] = True, True
-        free[s.held if left is None else s.held[s.held < n]] = False
-        return total + density - 0.5 * determinant + (left or 0.0) + float(np.sum(np.log(s.values.unit[free])))
+        free[s.held] = False
+        return total + density - 0.5 * determinant + (left.value if left else 0.0) + float(np.sum(np.log(s.values.unit[free])))
 
     @cached_property
-    def _integrated(self) -> tuple[float, float | None]:
-        """log det H, and the logarithm of what bounds leave of the integral over parameters that lie on them; None where these are held."""
-        s, on = self.solution, self.solution.parameters_on_bounds
-        determinant = np.nan if s.curvature is None else s.curvature.log_determinant
-        there = at(s) if len(on) else None
-        if there is None or there.whole is None or not there.minimum or not np.all(np.isin(on, there.moving)):
-            return determinant, None if len(on) else 0.0
-        places = np.searchsorted(there.moving, on)
-        a = np.abs(there.pull * there.std)[places]
-        return there.whole.log_determinant, float(np.sum(0.5 * a**2 + log_ndtr(-a) + np.log(2.0)))
+    def _edges(self) -> Edges | None:
+        """What bounds leave of the integral over parameters; None where those on their bounds are held, and known."""
+        there, on = at(self.solution), self.solution.parameters_on_bounds
+        if not there.minimum or not np.all(np.isin(on, there.moving)):
+            return None
+        return edges(there, self.bounds, self.rows, self.pulls, bent=self.bent)
 
     @property
     def squares(self) -> Array:
@@ -109,7 +132,7 @@ class Likelihood:
     @property
     def slope(self) -> Array:
         """dl/dtheta, (F,)."""
-        return self.squares - self.freedom
+        return self.squares - self.freedom + (self._edges.slope if self._edges else 0.0)
 
     @cached_property
     def information(self) -> Array:

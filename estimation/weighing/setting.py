@@ -16,7 +16,7 @@ from ..smoothing.marginal import marginal
 from ..smoothing.on_bounds import on_bounds
 from .identity import identity
 from .kkt import gauss_newton
-from .likelihood import Likelihood
+from .likelihood import likelihood
 from .turned import Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -106,16 +106,17 @@ class Stand:
         }
         if not solved.status.converged or solution.curvature is None:
             return Outcome(converged=False, **common)
+        told_of = likelihood(turned, theta, solution)
+        solution = told_of.solution
         moved = marginal(turned.program, solution, lambda _: None)
         told = moved.solution
-        likelihood = Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))])
         return Outcome(
             converged=True,
             parameters=_parameters(turned, told),
-            misfit=_misfits(turned, solution, likelihood.ratio),
-            force=_forces(turned, solution, likelihood.ratio),
+            misfit=_misfits(turned, solution, told_of.ratio),
+            force=_forces(turned, solution, told_of.ratio),
             cost=solved.cost,
-            log_likelihood=likelihood.value,
+            log_likelihood=told_of.value,
             held_out=self.score(theta, told),
             condition=gauss_newton(solution).condition,
             arrived=moved.arrived,
@@ -129,7 +130,7 @@ class Stand:
         stds = self.fitted.stds(theta)
         own = [np.log(stds.get(w.label, w.std) / w.std) for w in self.held_out.weights]
         there = self.held_out.with_parameters(values_of(solution)).solved(np.array(own))
-        return Likelihood(there, []).value if there.solved.status.converged else float("nan")
+        return likelihood(self.held_out, np.array(own), there).value if there.solved.status.converged else float("nan")
 
 
 def solve(blob: bytes, chain: Sequence[Setting]) -> list[Outcome]:

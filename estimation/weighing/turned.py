@@ -75,13 +75,15 @@ class Turned:
 
     coloured: place -> rows of the initial state that its std scales too, because a coloured force starts stationary. outliers: how many
     samples a robust loss took for far off. They are left out, and all others are squares: so much the same at all weights, of which the
-    likelihoods could not be compared if each had outliers of its own.
+    likelihoods could not be compared if each had outliers of its own. bent: whether the likelihood is taken at the parameters of most
+    marginal likelihood, which are others than those most probable together with a trajectory (`likelihood.py`).
     """
 
     program: Program
     weights: tuple[Weight, ...]
     coloured: dict[int, tuple[int, ...]]
     outliers: int = 0
+    bent: bool = False
 
     def solve(
         self, theta: Array, start: Array | None = None, *, newton: bool = False, say: Callable[[str], None] | None = None

@@ -10,7 +10,7 @@ import pytest
 from scipy import optimize
 
 from backsight.estimation.weighing import components
-from backsight.estimation.weighing.components import Component, _along, _step, maximise
+from backsight.estimation.weighing.components import Component, Found, _along, _step, maximise
 from backsight.estimation.weighing.setting import Outcome, Setting
 from backsight.estimation.weighing.weigh import _moves
 from backsight.estimation.wording import per_root_bandwidth
@@ -104,3 +104,18 @@ def test_a_solve_that_stopped_early_does_not_end_the_search(monkeypatch):
     found = maximise(SimpleNamespace(noise=np.array([True])), np.array([0.95]), np.ones(1, dtype=bool))
     assert found.settled
     assert found.theta == pytest.approx([1.0], abs=0.01)
+
+
+def test_of_a_force_that_has_gone_rounding_does_not_take_the_deviations_of_the_others_along():
+    """Its information, the difference of two numbers, may come out negative: then nothing is told of it, and all else as without it."""
+    plain = np.array([[400.0, 30.0], [30.0, 90.0]])
+    information = np.block([[plain, np.array([[1.0], [2.0]])], [np.array([[1.0, 2.0]]), np.array([[1e-3]])]])
+
+    def found(freedom: float) -> Found:
+        here = SimpleNamespace(information=information, freedom=np.array([200.0, 45.0, freedom]))
+        return Found(theta=np.zeros(3), moving=np.ones(3, dtype=bool), likelihood=here, settled=True)
+
+    gone, there = found(1e-4), found(1.0)
+    assert gone.std[:2] == pytest.approx(np.sqrt(np.diag(np.linalg.inv(plain))))
+    assert np.isnan(gone.std[2])
+    assert np.all(np.isnan(there.std))  # of one that is there a negative information says that this is no summit
