@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +26,17 @@ def written_whole(path: Path) -> Iterator[IO[Any]]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
+
+
+def keep(path: Path, content: bytes) -> None:
+    """The same of what is kept for a second run alone: its folder is made, and where it cannot be written that is a warning."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(path) as file:
+            file.write(content)
+    except OSError as error:
+        said = f"{path.parent}: a finished part is not kept ({error.strerror or error}); a second run would do it again."
+        warnings.warn(said, RuntimeWarning, stacklevel=3)
 
 
 def permit(path: Path, mode: int) -> None:

@@ -6,7 +6,7 @@ import importlib
 import multiprocessing
 import socket
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
@@ -108,12 +108,13 @@ def _cluster(address: str) -> Iterator[Executor]:
     try:
         client = distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(
-            f"--scheduler {address}: no Dask scheduler answers there ({reason[:200]}); start one, or correct the address"
-        ) from None
+        raise _no_answer(address, error) from None
     try:
         yield client.get_executor()
+    except (distributed.scheduler.KilledWorker, CancelledError, distributed.comm.CommClosedError) as error:
+        lost = str(error).splitlines()[0][:200] if str(error) else "the scheduler is gone"
+        remedy = "start it again with more memory for each worker, or leave --scheduler out; what was finished is kept"
+        raise InputError(f"--scheduler {address}: the cluster was lost before its work was done ({lost}); {remedy}") from error
     finally:
         client.close()
 

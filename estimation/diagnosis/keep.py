@@ -19,7 +19,7 @@ from backsight.models.errors import OutOfTime
 from ..own_code import code_of
 from ..problem import Problem
 from ..results import Smoothing
-from ..whole_files import written_whole
+from ..whole_files import keep
 from .candidates import Candidate
 
 CODE = ("models", "ocp", "recordings", "smoothing", "validation", "diagnosis")  # that a part goes through
@@ -50,11 +50,8 @@ class Keep:
 
     def put(self, name: str, part: object) -> None:
         """Keep it, whole or not at all."""
-        if self.folder is None:
-            return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with written_whole(self.folder / f"{name}.part") as file:
-            pickle.dump(part, file)
+        if self.folder is not None:
+            keep(self.folder / f"{name}.part", pickle.dumps(part))
 
     def smoothed(self, name: str, smoothing: Callable[[], Smoothing]) -> Smoothing | None:
         """A smoothing with its solution, which a result alone leaves behind in a file; None where it ran out of time."""

@@ -2,8 +2,8 @@
 
     theta = theta of greatest likelihood + log(factors),        all products of the factors of {label: factors}
 
-A grid is solved outwards from where no weight is turned, a quarter of it (for two weights) in one chain to and fro, so that each setting
-begins where its neighbour, one step of one factor away, arrived.
+A grid is solved outwards from where no weight is turned, a quarter of it (for two weights) to and fro, so that each setting begins where
+its neighbour, one step of one factor away, arrived; in chains of no more than LONGEST, each of which is kept when it is solved.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Factors = Mapping[str, tuple[float, ...]]
 
 MOST = 400  # settings of a grid
+LONGEST = 12  # settings of a chain: what an interruption may lose
 SMALLEST, LARGEST = 1e-6, 1e6  # factors: beyond them solves lose their digits
 DIGITS = 6  # of a factor
 EXAMPLE = '{"W of carriage": [0.1, 1, 10]}'
@@ -99,7 +100,7 @@ def chains(vary: Factors, weights: Sequence[Weight], about: Array) -> list[list[
             theta[at] += np.log(factors)
             factor = factors[0] if one else 1.0
             found[-1].append(Setting(name=_name(vary, factors), group="chosen", theta=rounded(theta), varied=one, factor=factor))
-    return [chain for chain in found if chain]
+    return [chain[k : k + LONGEST] for chain in found for k in range(0, len(chain), LONGEST)]
 
 
 def _to_and_fro(axes: Sequence[Sequence[float]]) -> Iterator[tuple[float, ...]]:

@@ -27,6 +27,7 @@ Call = tuple[Callable[[Any], None], Callable[[], Any]]  # who takes the result, 
 
 def side_by_side(
     doubts: Mapping[str, Doubt],
+    doubted: str,
     stand: Callable[[], Stand],
     chains: list[list[Setting]],
     pool: Executor,
@@ -36,21 +37,24 @@ def side_by_side(
 ) -> tuple[dict[str, tuple[float, float]], list[Outcome]]:
     """Label of a weight -> p that it is none and its limit; all settings, kept ones and others, those of one theta solved once.
 
-    stand: asked for when the doubts are under way. One queue for both: nobody waits for the last of the doubts before the first setting.
+    doubted: what the doubts hang on. stand: asked for when these are under way. One queue for both: nobody waits for the last of the
+    doubts before the first setting.
     """
-    answers, solved = dict[str, tuple[float, float]](), dict[tuple[float, ...], Outcome]()
+    store, solved = Store(keep, doubted), dict[tuple[float, ...], Outcome]()
+    answers = {label: told for label in doubts if (told := store.answer(label)) is not None}
 
     def answer(label: str, told: tuple[float, float]) -> None:
         answers[label] = told
+        store.put_answer(label, told)
         say(without_line(label, told))
 
     def calls() -> Iterator[Call]:
-        yield from ((partial(answer, label), doubt) for label, doubt in doubts.items())
+        yield from ((partial(answer, label), doubt) for label, doubt in doubts.items() if label not in answers)
         yield from _settings(stand(), chains, keep, solved, say)
 
     for take, result in as_finished(pool, calls(), ahead):
         take(result)
-    return answers, [replace(solved[s.theta], setting=s) for s in chain.from_iterable(chains)]
+    return {label: answers[label] for label in doubts}, [replace(solved[s.theta], setting=s) for s in chain.from_iterable(chains)]
 
 
 def _settings(

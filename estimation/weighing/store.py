@@ -1,4 +1,4 @@
-"""Finished settings of a study, one small file each: what was interrupted goes on where it stopped."""
+"""Finished settings of a study and answers to its doubts, one small file each: what was interrupted goes on where it stopped."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from ..whole_files import written_whole
+from ..whole_files import keep
 from .setting import Outcome, Setting
+
+ANSWER = "doubt"
 
 
 class Store:
@@ -24,20 +26,38 @@ class Store:
     def get(self, setting: Setting) -> Outcome | None:
         """What was kept of a setting."""
         try:
-            return _outcome(json.loads(self._path(self.folder, setting).read_text(encoding="utf-8"))) if self.folder else None
+            return _outcome(self._read(setting.name, setting.theta))
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
     def put(self, outcome: Outcome) -> None:
         """Keep it, whole or not at all."""
-        if self.folder is None:
-            return
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with written_whole(self._path(self.folder, outcome.setting)) as file:
-            file.write(json.dumps(asdict(outcome)).encode())
+        self._write(asdict(outcome), outcome.setting.name, outcome.setting.theta)
 
-    def _path(self, folder: Path, setting: Setting) -> Path:
-        key = sha256(json.dumps([self.study, setting.name, setting.theta]).encode()).hexdigest()[:24]
+    def answer(self, label: str) -> tuple[float, float] | None:
+        """What was kept of the doubt about a weight."""
+        try:
+            kept = self._read(ANSWER, label)
+            return float(kept["p"]), float(kept["limit"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def put_answer(self, label: str, told: tuple[float, float]) -> None:
+        """Keep it, whole or not at all."""
+        self._write({ANSWER: label, "p": told[0], "limit": told[1]}, ANSWER, label)
+
+    def _read(self, *what: Any) -> Any:
+        """Raises OSError where there is none, ValueError where it is torn."""
+        if self.folder is None:
+            raise FileNotFoundError
+        return json.loads(self._path(self.folder, what).read_text(encoding="utf-8"))
+
+    def _write(self, part: Any, *what: Any) -> None:
+        if self.folder is not None:
+            keep(self._path(self.folder, what), json.dumps(part).encode())
+
+    def _path(self, folder: Path, what: tuple[Any, ...]) -> Path:
+        key = sha256(json.dumps([self.study, *what]).encode()).hexdigest()[:24]
         return folder / f"{key}.json"
 
 

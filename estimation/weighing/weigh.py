@@ -25,6 +25,7 @@ from .chosen import check_labels, checked, labels_of
 from .components import Component, Found
 from .estimated import components, doubts, estimated, opened, with_weights
 from .held_out import judging
+from .identity import identity
 from .kkt import sensitivity
 from .magnitude import magnitudes, sizes
 from .plan import ALONE, settings
@@ -98,12 +99,14 @@ def weigh(
         told = estimated(replace(problem, recordings=recordings), say)
         posed, knobs, best, theta, given = told.posed, told.knobs, told.best, told.best.theta, told.given
         say("smoothing what was held out")
-        judged = pool.submit(judging, told, with_weights(told.whole, knobs, theta), say if ahead == 1 else None)
-        force = sizes(posed, best.solution)
         untold = knobs.noise & ~best.moving  # the same for all
-        candidates = {LIKELIHOOD: theta, FIRST: np.where(untold, theta, 0.0), RULE: magnitudes(knobs, posed, force)}
+        candidates = {FIRST: np.where(untold, theta, 0.0)}
         if np.isfinite(given).any():
             candidates[GIVEN] = np.where(np.isnan(given), theta, given)
+        others = list(candidates.values())  # the rule of magnitudes knows nothing of noise
+        judged = pool.submit(judging, told, with_weights(told.whole, knobs, theta), others, say if ahead == 1 else None)
+        force = sizes(posed, best.solution)
+        candidates = {LIKELIHOOD: theta, RULE: magnitudes(knobs, posed, force), **candidates}
         # what is varied comes last: whatever it is, all else stays as it was
         chains = [*settings(knobs.weights, candidates, theta), *chosen_chains(wanted, knobs.weights, theta)]
 
@@ -116,7 +119,8 @@ def weigh(
         # most often those are recommended: with several workers this goes beside the settings
         leading = next(s for s in chain.from_iterable(chains) if s.name == LIKELIHOOD)
         begun = None if ahead == 1 else pool.submit(smooth, at(leading))
-        answers, outcomes = side_by_side(doubts(told), stand, chains, pool, ahead, keep, say)
+        doubted = identity(knobs, None, best.solution.solved.decisions)
+        answers, outcomes = side_by_side(doubts(told), doubted, stand, chains, pool, ahead, keep, say)
         chosen, why = recommended(outcomes, held_out=any(r.role == "held_out" for r in recordings))
         say("smoothing with the recommended weights")
         ready = begun if chosen.setting == leading else None

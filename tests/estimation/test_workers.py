@@ -72,6 +72,27 @@ def test_a_dask_cluster_is_an_executor_like_any_other():
             cluster.close()
 
 
+def _lost() -> None:
+    os._exit(1)
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_workers_are_lost_again_and_again_is_named_with_what_to_do():
+    distributed = pytest.importorskip("distributed")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None)
+        try:
+            address = cluster.scheduler_address
+            with (
+                pytest.raises(InputError, match=rf"--scheduler {address}: the cluster was lost .*memory.*kept"),
+                workers(scheduler=address) as pool,
+            ):
+                list(as_finished(pool, [("one", _lost)], 4))
+        finally:
+            cluster.close()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [({"jobs": 0}, r"--jobs 0: .* at least 1"), ({"scheduler": "tcp://127.0.0.1:9"}, r"--scheduler tcp://127\.0\.0\.1:9: ")],

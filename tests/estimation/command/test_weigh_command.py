@@ -158,7 +158,9 @@ def test_an_interrupted_study_goes_on_and_solves_nothing_again(study, monkeypatc
     assert str(kept) in said
     assert not (study.parent / "again").exists()
     finished, after = {path: path.stat().st_mtime_ns for path in kept.glob("*.json")}, dict[Path, int]()
-    candidates = [path for path in finished if json.loads(path.read_text(encoding="utf-8"))["setting"]["group"] == "candidate"]
+    parts = {path: json.loads(path.read_text(encoding="utf-8")) for path in finished}
+    settings = {path: part["setting"] for path, part in parts.items() if "setting" in part}
+    candidates = [path for path, setting in settings.items() if setting["group"] == "candidate"]
 
     def vanish(folder: Path, *, ignore_errors: bool) -> None:
         after.update({path: path.stat().st_mtime_ns for path in folder.glob("*.json")})
@@ -168,7 +170,7 @@ def test_an_interrupted_study_goes_on_and_solves_nothing_again(study, monkeypatc
     monkeypatch.setattr(commands, "shutil", SimpleNamespace(rmtree=vanish))
     assert main(arguments) == 0
     counted = [int(k) for k in re.findall(r"setting (\d+) of \d+", capsys.readouterr().err)]
-    assert counted[0] == len(finished) > 3
+    assert counted[0] == len(settings) > 1
     assert (study.parent / "again" / "result.json").exists()
     assert len(after) > len(finished)
     again = [path for path in finished if after[path] != finished[path]]

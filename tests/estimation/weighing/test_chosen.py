@@ -115,15 +115,23 @@ def test_every_setting_of_a_chain_is_one_step_from_the_one_before():
     names = [s.name for chain in found for s in chain]
     assert sorted(names) == sorted(grid(vary))
     assert len(names) == 60
-    assert len(found) == 4
+    assert sorted(map(len, found)) == [6, 6, 12, 12, 12, 12]  # of each quarter 12 or 18
+    outwards = 0
     for chain in found:
         at = [[steps[k].index(pytest.approx(f)) for k, f in enumerate(grid(vary)[s.name])] for s in chain]
         assert all(np.abs(np.subtract(one, other)).sum() == 1 for one, other in pairwise(at))
         sizes = [np.abs(np.array(s.theta) - about).max() for s in chain]
-        assert sizes[0] == min(sizes)
+        outwards += sizes[0] == min(sizes)
         for s in chain:
             v, w, drift = grid(vary)[s.name]
             assert s.theta == pytest.approx(about + np.log([w, v, drift]), abs=1e-6)
+    assert outwards >= 4
+
+
+def test_an_interruption_loses_no_more_than_a_chain_of_a_long_path():
+    found = chains(checked({"V of x": np.geomspace(1e-3, 1e3, 399)}), WEIGHTS, np.zeros(3))
+    assert sum(map(len, found)) == 399
+    assert max(map(len, found)) <= 12
 
 
 @pytest.mark.parametrize(

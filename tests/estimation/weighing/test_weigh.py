@@ -17,6 +17,9 @@ from backsight.estimation import Free, Problem, Recording, Weighing, Weights, we
 from backsight.estimation.command.output import json_text
 from backsight.estimation.command.result_json import result_of_weighing
 from backsight.estimation.report import parameter_chart, write_weighing_report
+from backsight.estimation.weighing.estimated import estimated, with_weights
+from backsight.estimation.weighing.held_out import judging
+from backsight.estimation.weighing.setting import Stand
 from backsight.estimation.weighing.store import Store
 from backsight.estimation.weighing.tightening import stages, tightened
 from backsight.estimation.weighing.words import words
@@ -114,14 +117,19 @@ def test_two_processes_give_the_same_and_what_is_kept_is_not_solved_again(found,
         assert one.log_likelihood == pytest.approx(other.log_likelihood, abs=1e-6)
     for name, p in found.recommended.parameters.items():
         assert side_by_side.recommended.parameters[name].value == pytest.approx(p.value, rel=1e-6)
-    files = sorted(keep.iterdir())
-    assert len(files) == len({o.setting.theta for o in found.outcomes}) < len(found.outcomes)
-    files[0].write_text("{ torn", encoding="utf-8")
-    for path in files[1:]:
+    settings = sorted(p for p in keep.iterdir() if "setting" in p.read_text(encoding="utf-8"))
+    answers = sorted(set(keep.iterdir()) - set(settings))
+    assert len(settings) == len({o.setting.theta for o in found.outcomes}) < len(found.outcomes)
+    assert len(answers) == 1  # whether W of mass may be none
+    settings[0].write_text("{ torn", encoding="utf-8")
+    for path in (*settings[1:], *answers):
         os.utime(path, (1, 1))
-    again = weigh(problem(), keep=keep)
-    assert files[0] in (solved := [p for p in files if p.stat().st_mtime > 10])
+    said = list[str]()
+    again = weigh(problem(), keep=keep, progress=said.append)
+    assert settings[0] in (solved := [p for p in (*settings, *answers) if p.stat().st_mtime > 10])
     assert len(solved) <= 4  # a chain
+    assert not any(line.startswith("without") for line in said)
+    assert {k: c.p_zero for k, c in again.components.items()} == {k: c.p_zero for k, c in side_by_side.components.items()}
     assert [replace(o, seconds=0.0) for o in again.outcomes] == [replace(o, seconds=0.0) for o in side_by_side.outcomes]
 
 
@@ -131,6 +139,17 @@ def test_a_store_tells_studies_apart(found, tmp_path):
     assert Store(tmp_path, "one").get(outcome.setting) == outcome
     assert Store(tmp_path, "other").get(outcome.setting) is None
     assert Store(None, "one").get(outcome.setting) is None
+    Store(tmp_path, "one").put_answer("W of mass", (0.3, float("nan")))
+    assert Store(tmp_path, "one").answer("W of mass") == pytest.approx((0.3, np.nan), nan_ok=True)
+    assert Store(tmp_path, "other").answer("W of mass") is None
+
+
+def test_what_cannot_be_kept_is_said_and_the_study_goes_on(found, tmp_path):
+    (tmp_path / "taken").write_text("no folder", encoding="utf-8")
+    store = Store(tmp_path / "taken", "one")
+    with pytest.warns(RuntimeWarning, match=r"taken: a finished part is not kept .*; a second run would do it again"):
+        store.put(found.outcomes[0])
+    assert store.get(found.outcomes[0].setting) is None
 
 
 @pytest.mark.slow
@@ -240,6 +259,27 @@ def test_where_nothing_holds_the_parameters_nothing_is_said_of_it(found):
     assert tightened(found) == []
     assert parameter_chart(found, "stage") is None
     assert not any("tightened" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("times", [0.2, 5.0])
+def test_a_judge_tells_a_noise_that_the_search_got_wrong_from_its_own(times):
+    """Where the search says another noise than what was held out has, and the given one is right, the judge is as it was."""
+    whole = problem(Weights(W={"mass": FORCE_STD}), stds=STD)
+    told = estimated(whole, lambda _: None)
+    right, labels = told.best.theta, [w.label for w in told.knobs.weights]
+    wrong = right + np.log(times) * (np.array(labels) == "V of x")
+    lost = replace(told, best=replace(told.best, theta=wrong, settled=False))
+    best = with_weights(told.whole, told.knobs, wrong)
+    scores = {}
+    for name, others in (("given", [told.given]), ("alone", [])):
+        judge = judging(lost, best, others, None)
+        assert judge.knobs is not None
+        assert (sorted(w.label for w in judge.knobs.weights) == sorted(labels)) is (name == "given")
+        assert any("does not judge V of x" in note for note in judge.notes) is (name == "alone")
+        stand = Stand(fitted=told.knobs, held_out=judge.knobs, start=told.best.solution.solved.decisions)
+        scores[name] = [stand.score(theta, told.best.solution) for theta in (right, wrong)]
+    assert scores["given"][0] > scores["given"][1] + 50
+    assert scores["alone"][0] == pytest.approx(scores["alone"][1], abs=1e-6)  # of V it says nothing
 
 
 @pytest.mark.slow
