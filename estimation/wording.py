@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import floor, log10
+from math import floor, isfinite, log10
 
 SHORT, LONG = 1e-4, 1e9  # values below and above are written with their power of ten
+LEAST_P = 1e-12  # a smaller chance is not spelt out
 PLAIN = 1e6  # deviations from which on both are
 
 
@@ -29,6 +30,11 @@ def measured(value: float, std: float) -> tuple[str, str]:
     if not (value == 0 or SHORT <= abs(value) < LONG) or rounded >= PLAIN:
         return digits, deviation
     return f"{value:.{min(decimals, 15)}f}" if decimals >= 0 else f"{float(digits):.0f}", deviation
+
+
+def chance(p: float | None) -> str:
+    """0.012, < 1e-12; nothing where there is none."""
+    return "" if p is None or not isfinite(p) else f"{p:.2g}" if p > LEAST_P else f"< {LEAST_P:g}"
 
 
 def percentage(share: float) -> str:

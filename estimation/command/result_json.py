@@ -74,10 +74,12 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
         kind, name = label.split(" of ", 1)
         if name in weights.get(kind, {}):
             low, high = component.interval
-            weights[kind][name] |= {"from_data": component.std, "interval": [low, high], "p_zero": component.p_zero}
+            own = {"from_data": component.std, "interval": [low, high], "p_zero": component.p_zero, "unit": component.unit}
+            weights[kind][name] |= own
+    units = {name: p.unit for name, p in found.recommended.parameters.items()}
     factors = {name: {"factors": dict(zip(found.varied, of, strict=True))} for name, of in grid(found.varied).items()}
     return result_of_smoothing(found.recommended, command="weigh") | {
-        "study": [_setting(o) | factors.get(o.setting.name, {}) for o in found.outcomes],
+        "study": [_setting(o, units) | factors.get(o.setting.name, {}) for o in found.outcomes],
         "recommended": {**weights, "setting": found.chosen, "why": found.why},
         "influence": {
             label: {
@@ -91,7 +93,7 @@ def result_of_weighing(found: Weighing) -> dict[str, Any]:
     }
 
 
-def _setting(o: Outcome) -> dict[str, Any]:
+def _setting(o: Outcome, units: Mapping[str, str]) -> dict[str, Any]:
     return {
         "name": o.setting.name,
         "group": o.setting.group,
@@ -103,7 +105,7 @@ def _setting(o: Outcome) -> dict[str, Any]:
         "seconds": o.seconds,
         "fit": {name: {"rms": rms, "balance": balance} for name, (rms, balance) in o.misfit.items()},
         "residuals": {name: {"rms": rms, "balance": balance} for name, (rms, balance) in o.force.items()},
-        "parameters": {name: {"value": value, "std": std} for name, (value, std) in o.parameters.items()},
+        "parameters": {n: {"value": value, "std": std, "unit": units.get(n, "")} for n, (value, std) in o.parameters.items()},
         "marginal": o.arrived,
         "log_evidence": o.log_likelihood,
         "held_out": o.held_out,

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..results import TELLING
-from ..wording import percentage
+from ..wording import chance, percentage
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis
@@ -59,25 +59,21 @@ def tracking_table(answer: Tracking) -> Table:
     return table
 
 
-LEAST_P = 1e-99  # a smaller chance is none that anyone would print
-
-
 def weight_table(found: Weighing) -> Table:
-    """Every weight from the data with its 95 % interval, the recommended one, and the chance of what is seen without it."""
+    """Every weight from the data with its 95 % interval and the chance of what is seen without it, and the recommended one."""
     table = Table(title=f"{found.recommended.model}: {escape(found.why)}", title_justify="left", box=None, pad_edge=False)
-    for heading in ("weight", "recommended std", "95 %", "p without"):
+    for heading in ("weight", "recommended std", "std from the data", "95 %", "p without"):
         table.add_column(heading)
     for label, c in found.components.items():
         low, high = c.interval
-        p = "" if c.p_zero is None or not isfinite(c.p_zero) else f"{c.p_zero:.2g}" if c.p_zero > LEAST_P else f"< {LEAST_P:g}"
         between = "" if not (isfinite(low) and isfinite(high)) else f"up to {high:.3g}" if c.may_be_none else f"{low:.3g} .. {high:.3g}"
-        table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", between, p)
+        table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", f"{c.std:.4g}", between, chance(c.p_zero))
     return table
 
 
 def diagnosis_table(found: Diagnosis) -> Table:
     """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, and the proof."""
-    from ..diagnosis.words import chance, numbers, sentence, when
+    from ..diagnosis.words import numbers, sentence, when
 
     table = Table(title=f"{found.after.model}: {escape(sentence(found))}", title_justify="left", box=None, pad_edge=False)
     for heading in ("finding", "", "when", "p"):

@@ -329,12 +329,8 @@ class Search:
     def _explains(self, fits: list[Judged]) -> bool:
         """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
         worst = max(self.left, key=lambda p: self.left[p], default="")
-        for _, _, f in fits:
-            if f.result is not None and worst in f.result.residual_places:
-                before = self.result.residual_places[worst].rms
-                if f.result.residual_places[worst].rms ** 2 < (1.0 - UNEXPLAINED) * before**2:
-                    return True
-        return False
+        after = [f.result.residual_places[worst].rms for _, _, f in fits if f.result is not None and worst in f.result.residual_places]
+        return bool(after) and min(after) ** 2 < (1.0 - UNEXPLAINED) * self.result.residual_places[worst].rms ** 2
 
     def _left_near(self, place: str, most: float) -> float:
         """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..wording import listed, measured
+from ..wording import chance, listed, measured
 from .verdict import EVERYWHERE, Diagnosis, Explanation, Finding, HeldOut, Strength
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
@@ -74,11 +74,6 @@ def gain(held: HeldOut | None) -> str:
     p = chance(held.p_value)
     told = f" (p {p})" if p.startswith("<") else f" (p = {p})" if p else ""
     return f" On {where}, which the fit has not seen, prediction errors are {less} with it{told}." if size else ""
-
-
-def chance(p: float) -> str:
-    """0.012, < 1e-12; nothing where there is none."""
-    return "" if not math.isfinite(p) else "< 1e-12" if p < 1e-12 else f"{p:.2g}"
 
 
 def when(finding: Finding) -> str:

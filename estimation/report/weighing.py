@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..weighing.recommendation import LIKELIHOOD, likeliest
+from ..wording import chance
 from .chart import COLOURS, Chart, Curve, Panel, columns, heat_map, stack
 from .document import document, drawn, save
-from .quantities import NOTHING, number, pretty, quantity
+from .quantities import NOTHING, number, pretty, quantity, scaled, uncertain
 from .tables import facts, fit_table, parameter_table, prediction_table, table
 from .weight_grid import grid_chart
 
@@ -144,16 +145,16 @@ def _size(found: Weighing, outcome: Outcome) -> tuple[float, float]:
 
 
 def _weights(found: Weighing) -> str:
-    head = ["weight", "std from the data", "95 %", "p that it is zero", "recommended std", "unit"]
+    head = ["weight", "std from the data", "95 %", "chance of as much if there is none", "recommended std", "unit"]
     rows = []
     for label, std in found.best.weights.items():
         component = found.components.get(label)
         if component is None:
             continue
         low, high = component.interval
-        known = np.isfinite(component.log_std)
+        known = np.isfinite(low) and np.isfinite(high)
         band = NOTHING if not known else f"up to {number(high, 3)}" if component.may_be_none else f"{number(low, 3)} .. {number(high, 3)}"
-        zero = NOTHING if component.p_zero is None else number(component.p_zero, 2)
+        zero = chance(component.p_zero) or NOTHING
         rows.append([label, number(component.std, 4), band, zero, number(std, 4), pretty(component.unit)])
     return table(head, rows, words=(0, 5))
 
@@ -190,6 +191,17 @@ def _settings(found: Weighing) -> str:
         if not o.converged:
             rows.append([o.setting.name, o.status, *[""] * (len(head) - 2)])
             continue
-        values = [quantity(o.parameters[n][0], units.get(n, "")) for n in names]
+        values = [_with_deviation(*o.parameters[n], units.get(n, "")) for n in names]
         rows.append([o.setting.name, number(o.log_likelihood, 7), number(o.held_out, 7), f"{o.condition:.1e}", str(o.iterations), *values])
-    return table(head, rows, codes=())
+    text = (
+        "Log likelihoods have a constant of the mesh in them: they compare settings of this study, and nothing else. Deviations are those "
+        "with the weights of the setting."
+    )
+    return table(head, rows, codes=()) + f"<p class=note>{text}</p>"
+
+
+def _with_deviation(value: float, std: float, unit: str) -> str:
+    if not std > 0:
+        return quantity(value, unit)
+    factor, shown = scaled(value, unit)
+    return f"{' ± '.join(uncertain(value * factor, std * factor))} {shown}".rstrip()

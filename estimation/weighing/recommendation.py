@@ -18,7 +18,7 @@ from .setting import Outcome
 
 TIED = 3.0  # log likelihood of what was held out: less makes no difference
 LIKELIHOOD, GIVEN, RULE, FIRST = "greatest likelihood", "as given", "rule of magnitudes", "as smooth chooses them"
-JUDGED = "what was held out is more probable with them (log likelihood ratio)"
+JUDGED = "what was held out is more probable with them"
 THOSE = {
     LIKELIHOOD: "the weights of greatest likelihood",
     GIVEN: "the weights as given",
@@ -57,8 +57,10 @@ def recommended(outcomes: Sequence[Outcome], *, held_out: bool) -> tuple[Outcome
     lost += [f"what was held out could not be smoothed with {listed(unjudged)}"] if unjudged else []
     first = max(judged, key=lambda o: o.held_out)
     chosen, behind = (first, [best]) if first.held_out - best.held_out > TIED else (best, judged)
-    others = [f"{THOSE[o.setting.name]} ({ahead:.0f})" for o in behind if (ahead := chosen.held_out - o.held_out) > TIED]
+    others = [f"{THOSE[o.setting.name]} (by {ahead:.0f} nats)" for o in behind if (ahead := chosen.held_out - o.held_out) > TIED]
+    tied = [THOSE[o.setting.name] for o in behind if o is not chosen and abs(chosen.held_out - o.held_out) <= TIED]
     why = [f"{JUDGED} than with {listed(others)}"] if others else []
+    why += [f"between them and {listed(tied)} it makes no difference of more than {TIED:g} nats"] if tied else []
     return chosen, _sentence(chosen, [*why, *lost])
 
 

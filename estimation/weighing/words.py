@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FELT = 0.1  # of a parameter's std: a weight that moves none by as much, a tenth or tenfold, hardly matters
 MOVING = 1.0  # and one that moves some by as much decides about it
 TOLD = 0.35  # std of a logarithm above which a weight is hardly told: a factor of two either way
-TWINS = 0.9  # correlation of two weights of which one can stand for the other
+TWINS = 0.9  # correlation of the logarithms of two weights of which the data tell the sum alone, or the ratio
 LARGE, SMALL = 0.05, 0.01  # of the forces at a place: what a balance leaves over
 LOST = 1e3  # the largest condition number of all settings over the one in their middle
 DIGITS = 16.0  # of a number
@@ -61,7 +61,8 @@ def _equations(found: Weighing) -> list[str]:
             continue
         share = rms / size
         if share > LARGE:
-            out.append(f"{place}: the data cannot satisfy its balance: {100 * share:.0f} % of its forces are left over.")
+            left = f"{place}: the data cannot satisfy its balance: {100 * share:.0f} % of its forces are left over"
+            out.append(f"{left}, as noise or as physics that the model lacks: `backsight diagnose` tells which.")
         elif share < SMALL:
             known = component.p_zero is not None and np.isfinite(component.p_zero)
             beside = "but more than none" if known else "and whether more than none is not known"
@@ -98,8 +99,10 @@ def _weights(found: Weighing) -> list[str]:
         refused = given and not np.isclose(given, found.components[label].std).any()  # each recording may have one of its own
         told = f"only that its noise is less than the {given[0]:.3g} given" if refused else "nothing of its noise"
         out.append(f"{label}: the residual forces can follow every sample, and tell {told}; give what its sensor has.")
-    twins = [pair for pair, r in found.correlation.items() if abs(r) > TWINS]
-    return out + [f"{a} and {b} explain the same: what one has more the other has less." for a, b in twins]
+    twins = [pair for pair, r in found.correlation.items() if r < -TWINS]
+    out += [f"{a} and {b} explain the same: what one has more the other has less." for a, b in twins]
+    tied = [pair for pair, r in found.correlation.items() if r > TWINS]
+    return out + [f"The data tell the ratio of {a} and {b} better than either: what one has more the other has too." for a, b in tied]
 
 
 def _given_noise(found: Weighing, output: str) -> list[float]:
@@ -119,8 +122,8 @@ def _moving(found: Weighing) -> list[str]:
             quiet.append(label)
         if told and max(told)[0] > MOVING:
             size, most, word = max(told)
-            out.append(f"{label} decides about {most}: with {word} its std it moves by {size:.1f} of its own.")
-    still = f"Hardly a matter: {listed(quiet)}; with a tenth or ten times the std no parameter moves by {FELT:g} of its own."
+            out.append(f"{label} decides about {most}: with {word} its std it moves by {size:.1f} of its deviations.")
+    still = f"Hardly a matter: {listed(quiet)}; with a tenth or ten times the std no parameter moves by {FELT:g} of its deviation."
     return [still, *out] if quiet else out
 
 

@@ -1,9 +1,9 @@
 """Weights a hundred times off, studied: `python tests/studies/weights_off.py [--plants a,b] [--seeds 3]`.
 
-A machine of `coverage.py` is recorded twice. One recording is studied (`weigh`) from weights of which each is a hundred times too large or
-too small at random, the other is held out. Beside it the same is smoothed with the weights that the simulator has. Printed is by how much
-the errors of the windowed prediction of what was held out differ, the largest of all outputs, which should be below 2 %; and the same of
-smoothing with the weights that are off.
+A machine of `coverage.py` is recorded three times. One recording is studied (`weigh`) from weights of which each is a hundred times too
+large or too small at random, the second is held out and judges. Beside it the first is smoothed with the weights that the simulator has.
+Printed is by how much the errors of the windowed prediction of the third differ, which has judged nothing, the largest of all outputs: it
+should be below 2 %; and the same of smoothing with the weights that are off.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from coverage import CASES, pose
 from backsight.estimation import Problem, Recording, Smoothing, Weights, smooth, weigh
 
 OFF = 100.0
-HELD_OUT = 1000  # added to the seed of what is held out
+HELD_OUT, UNSEEN = 1000, 2000  # added to the seed of what is held out, and of what it is compared by
 
 
 def main() -> None:
@@ -32,23 +32,23 @@ def main() -> None:
     for plant in asked.plants.split(","):
         for seed in range(asked.seeds):
             began = time.perf_counter()
-            true, off = problems(plant, seed)
-            right = smooth(true)
+            _, off = problems(plant, seed, HELD_OUT)
+            unseen, badly = problems(plant, seed, UNSEEN)
             found = weigh(off, jobs=asked.jobs, progress=lambda line: print(f"  {line}", file=sys.stderr, flush=True))
-            wrong = smooth(off)
+            right, wrong, ours = (smooth(p) for p in (unseen, badly, replace(unseen, weights=found.recommended.weights)))
             print(
-                f"{plant} {seed}: {found.chosen}; held out {100 * further(found.recommended, right):+.2f} % "
+                f"{plant} {seed}: {found.chosen}; unseen {100 * further(ours, right):+.2f} % "
                 f"(with the weights that are off {100 * further(wrong, right):+.2f} %), {time.perf_counter() - began:.0f} s",
                 flush=True,
             )
 
 
-def problems(plant: str, seed: int) -> tuple[Problem, Problem]:
-    """With the weights of the simulator, and with others."""
+def problems(plant: str, seed: int, more: int) -> tuple[Problem, Problem]:
+    """With the weights of the simulator, and with others; more: added to the seed of the recording that is held out."""
     posed, drawn = pose(plant, seed)
     generator = CASES[plant].generator
     process, rng = generator.CONDITIONS.process, np.random.default_rng([seed, *plant.encode()])
-    other = generator.record(generator.with_values({**drawn.truth, **drawn.known}), seed=seed + HELD_OUT)
+    other = generator.record(generator.with_values({**drawn.truth, **drawn.known}), seed=seed + more)
     held_out = Recording(
         name="held out", time=other.time, inputs=other.inputs, outputs=other.outputs, output_std=other.noise, role="held_out"
     )

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from weighings import candidates, lost, outcome, weighing
 
-from backsight.estimation.report.weighing import trade_off_chart
+from backsight.estimation.command.terminal import console, weight_table
+from backsight.estimation.report.weighing import _weights, trade_off_chart
+from backsight.estimation.weighing.components import Component
 from backsight.estimation.weighing.recommendation import LIKELIHOOD, RULE
 from backsight.estimation.weighing.setting import Outcome
 
@@ -57,3 +61,13 @@ def test_where_the_likeliest_did_not_converge_no_other_candidate_stands_in_the_t
     drawn = points([lost(study[0]), *study[1:]], RULE)
     assert list(drawn) == ["all W turned together", "recommended"]
     assert len(drawn["all W turned together"]) == 2
+
+
+def test_the_interval_of_a_force_that_may_be_none_ends_at_its_limit_on_the_page_and_in_the_terminal(capsys):
+    """Its logarithm may not be told at all. In both the std from the data stands beside the recommended one."""
+    maybe = Component(std=0.1234, log_std=float("nan"), unit="N.sqrt(s)", p_zero=0.4, limit=0.777)
+    found = weighing(candidates(), component=maybe)
+    console().print(weight_table(replace(found, recommended=SimpleNamespace(model="oscillator"))))
+    for text in (_weights(found), capsys.readouterr().out):
+        assert "up to 0.777" in text
+        assert "0.1234" in text

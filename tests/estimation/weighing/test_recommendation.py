@@ -21,17 +21,18 @@ def scores(likelihood: float, first: float, rule: float) -> dict[str, dict[str, 
 def test_those_of_greatest_likelihood_are_unless_others_are_ahead_by_more_than_makes_no_difference():
     chosen, why = recommended(candidates(**scores(100.0, 102.0, 60.0)), held_out=True)
     assert chosen.setting.name == LIKELIHOOD
-    assert why.endswith("than with those of the rule of magnitudes (40).")
+    assert "than with those of the rule of magnitudes (by 40 nats); between them and those that smooth chooses" in why
+    assert why.endswith("it makes no difference of more than 3 nats.")
     chosen, why = recommended(candidates(**scores(100.0, 110.0, 60.0)), held_out=True)
     assert chosen.setting.name == "as smooth chooses them"
-    assert why.endswith("than with the weights of greatest likelihood (10).")
+    assert why.endswith("than with the weights of greatest likelihood (by 10 nats).")
 
 
 def test_what_was_held_out_judges_the_others_where_those_of_greatest_likelihood_did_not_converge():
     likelihood, *others = candidates(**scores(NAN, 100.0, 60.0))
     chosen, why = recommended([lost(likelihood), *others], held_out=True)
     assert chosen.setting.name == "as smooth chooses them"
-    assert "more probable with them (log likelihood ratio) than with those of the rule of magnitudes (40)" in why
+    assert "more probable with them than with those of the rule of magnitudes (by 40 nats)" in why
     assert "no convergence with the weights of greatest likelihood" in why
 
 

@@ -101,3 +101,11 @@ def test_a_recommendation_that_is_none_begins_with_that():
     nothing = unreliable(True, ["residual.cart, 157 N rms: the model explains next to nothing. Check units."])
     assert nothing.startswith("Not to be relied on: with them the model explains next to nothing")
     assert "loss (auto, huber)" in nothing
+
+
+@pytest.mark.parametrize(("r", "said"), [(-0.95, "has more the other has less"), (0.95, "tell the ratio of"), (0.5, None), (-0.5, None)])
+def test_of_two_weights_that_the_data_tell_together_alone_it_is_said_which_way(r, said):
+    found = replace(weighing(candidates()), correlation={("W of mass", "V of x"): r})
+    lines = [line for line in words(found) if "W of mass and V of x" in line]
+    assert len(lines) == (said is not None)
+    assert said is None or said in lines[0]
