@@ -14,12 +14,11 @@ from math import prod
 
 import numpy as np
 
-from backsight.models.errors import InputError
+from backsight.models.errors import InputError, suggestion
 
 from ..arguments import check_mapping, check_number
 from ..problem import Free, Problem
 from ..supposed import INPUT, PARAMETER
-from ..wording import quoted
 from .plan import rounded
 from .setting import Setting
 from .turned import Weight
@@ -61,7 +60,7 @@ def check_labels(vary: Factors, labels: Sequence[str]) -> None:
     """Raise InputError where there is no such weight."""
     for label in vary:
         if label not in labels:
-            raise InputError(f"weigh: vary {label!r}: this study has no such weight; there are {quoted(labels)}.")
+            raise InputError(f"weigh: vary {label!r}: this study has no such weight; {suggestion(label, labels)}.")
 
 
 def labels_of(posed: Problem) -> list[str]:

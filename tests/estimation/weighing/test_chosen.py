@@ -149,8 +149,9 @@ def test_an_interruption_loses_no_more_than_a_chain_of_a_long_path():
         ({W: ["ten"]}, ["'W of mass'", "'ten'", "number"]),
         ({W: [True]}, ["'W of mass'", "True", "number"]),
         ({W: range(1, 22), V: range(1, 21)}, ["21 x 20 = 420", str(MOST)]),
-        ({"W of spring": [1.0]}, ["'W of spring'", '"W of mass" and "V of x"']),
-        ({"mass": [1.0]}, ["'mass'", '"W of mass" and "V of x"']),
+        ({"W of spring": [1.0]}, ["'W of spring'", "did you mean 'W of mass'?"]),
+        ({"drift": [1.0]}, ["'drift'", "known: W of mass, V of x"]),
+        ({"mass": [1.0]}, ["'mass'", "'W of mass'"]),
     ],
 )
 def test_what_cannot_be_turned_is_said_before_anything_is_solved(vary, words):
