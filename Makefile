@@ -1,7 +1,7 @@
 # make demo    the built-in study, end to end: what does its model leave out? Its report is demo_out/report.html
 # make prove   concealed cases of all plants, diagnosed blind, and the scorecard (hours; prove_out/ keeps what is done)
-# make test    lint, types, tests, then the quick ones again on the built wheel
-# make lint | types | unit | cover | wheel | bench | lock | clean
+# make test    lint, types, every test once: quick ones on the built wheel in a bare environment, the others here
+# make lint | types | unit | slow | cover | wheel | bench | lock | clean
 #
 # Needs make and Python 3.11 or newer; everything else is installed into .venv, at the versions of requirements.lock.
 # Another interpreter: make PYTHON=/path/to/python3.12 demo
@@ -20,7 +20,7 @@ CANDIDATES := python3.13 python3.12 python3.11 python3.14 python3 python
 PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	if $$p -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then command -v $$p; break; fi; done)
 
-.PHONY: help demo test lint types unit cover wheel bench prove lock clean
+.PHONY: help demo test lint types unit slow cover wheel bench prove lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -29,7 +29,7 @@ help:
 demo: $(VENV)/.installed
 	$(BIN)/backsight demo --out demo_out
 
-test: lint types unit wheel
+test: lint types wheel slow
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
@@ -38,21 +38,26 @@ lint: $(VENV)/.installed
 types: $(VENV)/.installed
 	$(BIN)/mypy
 
+# All tests, here.
 unit: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40
+
+# Those that the wheel is not tested by.
+slow: $(VENV)/.installed
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40 -m "slow or checkout"
 
 # Which lines and branches the tests pass.
 cover: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --cov --cov-report=term:skip-covered
 
-# The tests once more, against the wheel in an environment without the checkout: what is missing from the package list fails here.
+# The quick tests, against the wheel in an environment without the checkout: what is missing from the package list fails here.
 wheel: $(VENV)/.installed $(BARE)/.installed
 	rm -rf $(BUILD)/dist $(BUILD)/installed backsight.egg-info
 	$(BIN)/python -m build --no-isolation --outdir $(BUILD)/dist . >$(BUILD)/dist.log 2>&1 || { cat $(BUILD)/dist.log; exit 1; }
 	$(BARE)/bin/python $(PIP) install --no-deps --force-reinstall $(BUILD)/dist/backsight-*.whl
 	mkdir $(BUILD)/installed
 	cp -R tests pyproject.toml $(BUILD)/installed/
-	cd $(BUILD)/installed && OPENBLAS_NUM_THREADS=1 ../bare/bin/pytest $(CORES) -m "not slow" -o cache_dir=.pytest_cache
+	cd $(BUILD)/installed && OPENBLAS_NUM_THREADS=1 ../bare/bin/pytest $(CORES) --durations=40 -m "not slow and not checkout" -o cache_dir=.pytest_cache
 
 bench: $(VENV)/.installed
 	$(BIN)/python tests/benchmarks/bench.py

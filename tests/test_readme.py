@@ -13,7 +13,7 @@ from backsight.estimation.command.cli import main
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 ESTIMATION = README.parent / "estimation"
-in_a_checkout = pytest.mark.skipif(not README.exists(), reason="the README lies beside the tests in a checkout only")
+in_a_checkout = pytest.mark.checkout
 
 
 def examples(page: Path = README) -> list[str]:
@@ -74,7 +74,7 @@ TUTORIAL = README.parent / "models" / "TUTORIAL.md"
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not TUTORIAL.exists(), reason="the tutorial lies beside the models in a checkout only")
+@in_a_checkout
 def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     blocks = examples(TUTORIAL)

@@ -59,6 +59,7 @@ def test_calls_are_drawn_as_there_is_room_and_every_result_has_its_key(jobs):
     assert found == {k: divmod(k, 7) for k in range(20)}
 
 
+@pytest.mark.checkout
 @pytest.mark.slow
 def test_a_dask_cluster_is_an_executor_like_any_other():
     distributed = pytest.importorskip("distributed")
@@ -76,6 +77,7 @@ def _lost() -> None:
     os._exit(1)
 
 
+@pytest.mark.checkout
 @pytest.mark.slow
 def test_a_cluster_whose_workers_are_lost_again_and_again_is_named_with_what_to_do():
     distributed = pytest.importorskip("distributed")

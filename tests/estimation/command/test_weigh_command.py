@@ -117,7 +117,7 @@ def test_weights_are_varied_as_they_are_written(study, monkeypatch):
         (["V of x=1", "V of x=2"], '"V of x" is there twice'),
         (["V of x="], "'V of x' = []: there is no factor"),
         (["V of x=-1"], "'V of x': factor -1"),
-        (["V of y=1"], '\'V of y\': this study has no such weight; did you mean \'V of x\'?'),
+        (["V of y=1"], "'V of y': this study has no such weight; did you mean 'V of x'?"),
     ],
 )
 def test_what_cannot_be_varied_is_bad_input(study, capsys, words, said):

@@ -11,6 +11,8 @@ import pytest
 from backsight.estimation import OutputColumn, Recording
 from backsight.models.errors import InputError
 
+pytestmark = pytest.mark.checkout
+
 FAST, SLOW = 0.01 * np.arange(20), 0.03 * np.arange(6) + 0.005
 
 

@@ -108,6 +108,7 @@ def test_a_packed_file_may_be_called_anything(tmp_path):
     assert np.array_equal(found.outputs["x"], SOUND["x_m"])
 
 
+@pytest.mark.checkout
 def test_parquet_files_read_the_same(tmp_path):
     pytest.importorskip("pyarrow")
     SOUND.astype({"x_m": "float64"}).to_parquet(tmp_path / "source.parquet")
@@ -372,6 +373,7 @@ def test_a_damaged_or_unknown_type_of_file_is_named(tmp_path, name, content, wor
     refused(tmp_path, content, word, name=name)
 
 
+@pytest.mark.checkout
 def test_damaged_parquet_is_named(tmp_path):
     pytest.importorskip("pyarrow")
     refused(tmp_path, b"PAR1 not really PAR1", "parquet", name="r.parquet")

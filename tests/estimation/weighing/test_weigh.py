@@ -161,6 +161,7 @@ def test_without_anything_held_out_a_third_is_and_that_is_said():
     assert list(study.recommended.held_out) == [name for name in study.recommended.held_out if name.startswith("fit from t = ")] != []
 
 
+@pytest.mark.checkout
 @pytest.mark.slow
 def test_on_a_cluster_that_loses_a_worker_the_study_is_finished(found):
     distributed = pytest.importorskip("distributed")

@@ -34,6 +34,7 @@ def test_every_plant_is_exported_and_imported_again_with_the_same_accelerations(
     assert_allclose(outputs, [here.outputs[q.name][0] for q in dae.outputs], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.checkout
 def test_another_tool_validates_and_simulates_it(tmp_path: Path) -> None:
     fmpy = pytest.importorskip("fmpy", reason="FMU binaries are an optional extra")
     from fmpy.validation import validate_fmu

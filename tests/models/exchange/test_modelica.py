@@ -17,6 +17,8 @@ pytest.importorskip("rumoca", reason="Modelica text is an optional extra")
 
 from backsight.models.exchange.modelica import load_modelica
 
+pytestmark = pytest.mark.checkout
+
 FLAT = """
 model TwoMass "two masses, a spring and a damper"
   parameter Real m1(unit="kg", min=0.1, max=10) = 1.5 "motor side";
