@@ -40,7 +40,7 @@ from .turned import Mask, Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 BY_ITSELF = ("samples", "initial state", "parameter prior", "further prior")  # terms whose rows are densities of what they are said of
-BENT = 0.05  # nats, see above
+BENT = 0.2  # nats, see above: a twentieth of what tells a force from none; solves at other parameters take their time
 LEAST = 0.1  # degrees of freedom, of which squares say anything
 Rows = list[tuple[int, Mask]]  # number of a term, which of its rows
 

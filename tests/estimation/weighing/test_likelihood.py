@@ -353,9 +353,9 @@ def test_two_parameters_on_their_bounds_have_the_slope_of_the_value():
     assert here.slope == pytest.approx(by_differences(knobs, np.zeros(2)), abs=0.1)
 
 
-@pytest.mark.parametrize("times", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("times", [2.0, 4.0])
 def test_where_large_forces_bend_the_determinants_the_value_is_that_of_the_integral_over_the_damping(times):
-    """At the most probable damping together with a trajectory it falls short of that, by .06, .27 and 1.2."""
+    """At the most probable damping together with a trajectory it falls short of that, by .27 and 1.2."""
     y = simulated(4, force_std=4.0)
     _, knobs = posed(y, {"damper.d": Free(1.6)}, force_std=4.0)
     theta = np.array([np.log(times), 0.0])
@@ -368,12 +368,12 @@ def test_where_large_forces_bend_the_determinants_the_value_is_that_of_the_integ
 
     there = exact(4.0 * times)
     assert at(bent, theta).value == pytest.approx(there, abs=0.01)
-    assert at(plain, theta).value < there - 0.05
+    assert at(plain, theta).value < there - 0.2
     slope = (exact(4.0 * times * np.exp(0.02)) - exact(4.0 * times * np.exp(-0.02))) / 0.04
     assert at(bent, theta).slope[0] == pytest.approx(slope, abs=0.05)
 
 
-@pytest.mark.parametrize(("force_std", "bent"), [(FORCE_STD, False), (8.0, True)])
+@pytest.mark.parametrize(("force_std", "bent"), [(FORCE_STD, False), (16.0, True)])
 def test_a_search_is_made_at_the_parameters_of_most_marginal_likelihood_where_determinants_bend(force_std, bent):
     y = simulated(4, force_std=force_std)
     problem, _ = posed(y, {"damper.d": Free(1.6)}, force_std)
