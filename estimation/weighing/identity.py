@@ -53,6 +53,7 @@ def _parts(turned: Turned, start: Array) -> Iterator[object]:
                 yield np.round(np.nan_to_num(target * scale) / GRID) + 0.0
             yield _significant(scale)
     yield None if losses is None else (losses.huber.tobytes(), losses.auto.tobytes())
+    yield turned.bent
     yield [(w.label, w.unit, w.row, w.is_noise, f"{w.std:.{DIGITS}g}") for w in turned.weights], sorted(turned.coloured.items())
 
 
