@@ -79,17 +79,15 @@ def _lost() -> None:
 
 @pytest.mark.checkout
 @pytest.mark.slow
-def test_a_cluster_whose_workers_are_lost_again_and_again_is_named_with_what_to_do():
-    distributed = pytest.importorskip("distributed")
-    with warnings.catch_warnings():
+def test_a_cluster_that_loses_its_workers_is_named_with_what_to_do():
+    distributed, dask = pytest.importorskip("distributed"), pytest.importorskip("dask")
+    with warnings.catch_warnings(), dask.config.set({"distributed.scheduler.allowed-failures": 0}):
         warnings.simplefilter("ignore")
         cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None)
         try:
             address = cluster.scheduler_address
-            with (
-                pytest.raises(InputError, match=rf"--scheduler {address}: the cluster was lost .*memory.*kept"),
-                workers(scheduler=address) as pool,
-            ):
+            said = rf"--scheduler {address}: the cluster was lost .*memory.*kept"
+            with pytest.raises(InputError, match=said), workers(scheduler=address) as pool:
                 list(as_finished(pool, [("one", _lost)], 4))
         finally:
             cluster.close()
