@@ -13,7 +13,6 @@ from backsight.estimation.command.cli import main
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 ESTIMATION = README.parent / "estimation"
-in_a_checkout = pytest.mark.checkout
 
 
 def examples(page: Path = README) -> list[str]:
@@ -21,7 +20,7 @@ def examples(page: Path = README) -> list[str]:
     return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_first_example_prints_what_its_last_line_says(capsys):
     example = examples()[0]
     promised = re.search(r"# ([0-9.]+) ± ([0-9.]+) kg", example)
@@ -32,7 +31,7 @@ def test_the_first_example_prints_what_its_last_line_says(capsys):
     assert std == pytest.approx(float(promised[2]), rel=0.1)
 
 
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_plant_of_the_readme_compiles():
     from backsight.models import compile_model
 
@@ -43,7 +42,7 @@ def test_the_plant_of_the_readme_compiles():
     assert [q.name for q in dae.states] == ["motor.phi", "motor.omega", "load.phi", "load.omega"]
 
 
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis():
     names: dict[str, Any] = {}
     for example in examples(ESTIMATION / "weighing" / "README.md"):
@@ -55,7 +54,7 @@ def test_the_example_of_a_weighting_study_finds_the_noise_of_the_simulated_axis(
 
 
 @pytest.mark.slow
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
     exec(compile(examples(ESTIMATION / "tracking" / "README.md")[0], "README.md", "exec"), {})
     friction, std, _, *words = capsys.readouterr().out.split()
@@ -64,7 +63,7 @@ def test_the_on_line_example_ends_at_the_friction_of_the_simulated_axis(capsys):
 
 
 @pytest.mark.slow
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_bit_of_the_readme_is_followed(capsys):
     exec(compile(examples(ESTIMATION / "tracking" / "README.md")[1], "README.md", "exec"), {})
     assert float(capsys.readouterr().out.split()[0]) > 95.0
@@ -74,7 +73,7 @@ TUTORIAL = README.parent / "models" / "TUTORIAL.md"
 
 
 @pytest.mark.slow
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     blocks = examples(TUTORIAL)
@@ -98,7 +97,7 @@ def test_the_tutorial_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_friction_that_was_kept_from_the_model_is_found():
     names: dict[str, object] = {"__name__": "readme"}
     exec(compile(next(e for e in examples() if "diagnose(" in e), "README.md", "exec"), names)
@@ -111,7 +110,7 @@ def test_the_friction_that_was_kept_from_the_model_is_found():
     assert found.held_out.p_value < 0.01  # type: ignore[attr-defined]
 
 
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_pages_that_it_points_to_are_there():
     for page in (README, *ESTIMATION.glob("*/README.md")):
         targets = re.findall(r"\]\((?!http)([^)#]+)\)", page.read_text(encoding="utf-8"))
@@ -120,7 +119,7 @@ def test_the_pages_that_it_points_to_are_there():
 
 
 @pytest.mark.slow
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_table_of_classical_methods_is_the_one_that_its_example_makes():
     page, names = ESTIMATION / "classical" / "README.md", dict[str, object]()
     exec(compile(examples(page)[0], "README.md", "exec"), names)
@@ -132,7 +131,7 @@ def test_the_table_of_classical_methods_is_the_one_that_its_example_makes():
         assert found == pytest.approx(promised, rel=0.05), line[0]
 
 
-@in_a_checkout
+@pytest.mark.checkout
 def test_the_page_on_smoothing_names_what_goes_in_and_comes_out(capsys):
     names: dict[str, Any] = {}
     exec(compile(examples(ESTIMATION / "smoothing" / "README.md")[0], "README.md", "exec"), names)

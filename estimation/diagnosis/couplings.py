@@ -6,6 +6,7 @@ gets one on the other: a part of what was thought to be one mass. A sensor at a 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,7 +19,7 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Exchange, Rebuild
 from .laws import Motion
-from .places import Spot, grounds, neighbours, node, own_name, sensors
+from .places import Spot, grounds, neighbours, own_name, sensors
 
 RIGID = (sliding.Rigid, turning.RotationalRigid)
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
@@ -202,18 +203,9 @@ class Sectioned:
 
 def place_of(model: Model, spot: Spot) -> str:
     """The body that drives an element by way of ideal couplings, or the element itself where no body does."""
-    start = node(model, f"{spot.name}.{spot.flanges[0]}")
-    seen, ends = {spot.name}, {f"{spot.name}.{spot.flanges[0]}"}
-    while ends:
-        here = {end.partition(".")[0] for end in node(model, ends.pop())} - seen
-        bodies = sorted(n for n in here if any(v.state for v in model.components[n].declared_variables.values()))
-        if bodies:
-            return bodies[0]
-        for name in sorted(here):
-            seen.add(name)
-            if isinstance(model.components[name], IDEAL):
-                ends |= {f"{name}.{f}" for f in model.components[name].declared_connectors} - start
-    return spot.name
+    bodies = {name for name, c in model.components.items() if any(v.state for v in c.declared_variables.values())}
+    found = _nearest(model, spot.name, f"{spot.name}.{spot.flanges[0]}", bodies, lambda c: isinstance(c, IDEAL))
+    return found[0] if found else spot.name
 
 
 def bodies_at(model: Model, end: str, word: str) -> list[str]:
@@ -223,14 +215,19 @@ def bodies_at(model: Model, end: str, word: str) -> list[str]:
 
 def bodies_behind(model: Model, element: str, end: str, word: str) -> list[str]:
     """The nearest ones that a flange of an element moves, at it or by way of joints; not through the element itself."""
+    bodies = {name for name, c in model.components.items() if word in c.declared_parameters}
+    return _nearest(model, element, end, bodies, lambda c: not isinstance(c, (*SOFT, turning.Rack, turning.Gear)))
+
+
+def _nearest(model: Model, element: str, end: str, wanted: set[str], passes: Callable[[Component], bool]) -> list[str]:
+    """Of those wanted the ones that the fewest components lie between and a flange of an element, through what passes a motion on."""
     seen, ends = {element, *grounds(model)}, {end}
     while ends:
         here = {n for e in ends for n in neighbours(model, e)} - seen
-        if found := sorted(n for n in here if word in model.components[n].declared_parameters):
+        if found := sorted(here & wanted):
             return found
         seen |= here
-        passing = [n for n in here if not isinstance(model.components[n], (*SOFT, turning.Rack, turning.Gear))]
-        ends = {f"{n}.{port}" for n in passing for port in model.components[n].declared_connectors}
+        ends = {f"{n}.{port}" for n in here if passes(model.components[n]) for port in model.components[n].declared_connectors}
     return []
 
 

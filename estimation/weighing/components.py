@@ -26,7 +26,7 @@ from scipy import optimize, stats
 
 from backsight.ocp import Solution
 
-from .likelihood import Likelihood, likelihood
+from .likelihood import Likelihood, likelihood, summit
 from .turned import Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -229,7 +229,8 @@ def _ratio(best: Found, here: Likelihood) -> float:
 
 
 def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
-    return likelihood(turned, theta, turned.solved(theta, start))
+    solution = turned.solved(theta, start)
+    return likelihood(turned, theta, summit(turned, solution).solution if turned.bent else solution)
 
 
 def _along(step: Array, length: float) -> Array:

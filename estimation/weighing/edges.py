@@ -33,17 +33,41 @@ STEP = 1e-2  # of a deviation, for derivatives of rows
 
 @dataclass(frozen=True)
 class Edges:
-    """The logarithm of these factors, and its derivatives (F,)."""
+    """The parameters (b,) of a solution whose bounds count.
 
-    value: float
-    slope: Array
+    t and std: t_b and sigma_b; inward: +1 from a lower bound, -1 from an upper one; on: which lie on theirs; ways (k, b): how all that can
+    move do with each, per sigma_b.
+    """
+
+    there: Marginal
+    t: Array
+    std: Array
+    inward: Array
+    on: Mask
+    ways: Array
+
+    @property
+    def value(self) -> float:
+        """The logarithm of these factors."""
+        return float(np.sum(log_ndtr(self.t) + np.where(self.on, np.log(self.std) + self.t**2 / 2, 0.0)))
+
+    def slope(self, rows: Sequence[Sequence[tuple[int, Mask]]], pulls: Array) -> Array:
+        """Its derivatives (F,); rows of every weight and how they pull, (n + np, F)."""
+        if not len(self.t):
+            return np.zeros(len(rows))
+        s, t = self.there.solution, self.t
+        w = np.column_stack([self.there.moved(way) - s.solved.decisions for way in self.ways.T])
+        along = [_along(self.there, column) for column in w.T]
+        lift = np.array([[_squares(J_w, of) for J_w in along] for of in rows]).reshape(len(rows), len(t))
+        change = 2.0 * self.inward * ((pulls / s.values.unit[:, None]).T @ w) + np.where(self.on, t, -t) * lift
+        bend = np.exp(norm.logpdf(t) - log_ndtr(t)) + np.where(self.on, t, 0.0)
+        return np.asarray(change @ bend + lift @ self.on, dtype=np.float64)
 
 
-def edges(there: Marginal, bounds: tuple[Array, Array], rows: Sequence[Sequence[tuple[int, Mask]]], pulls: Array, bent: bool) -> Edges:
+def edges(there: Marginal, bounds: tuple[Array, Array], bent: bool) -> Edges:
     """Of a solution with all its parameters on bounds among those that can move.
 
-    bounds: of the np free parameters, as decisions; rows of every weight and how they pull, (n + np, F). bent: whether the summit is that
-    of the marginal likelihood.
+    bounds: of the np free parameters, as decisions. bent: whether the summit is that of the marginal likelihood.
     """
     s, covariance, on = there.solution, there.covariance, np.isin(there.moving, there.solution.parameters_on_bounds)
     precision = np.linalg.inv(covariance[np.ix_(on, on)])
@@ -59,16 +83,7 @@ def edges(there: Marginal, bounds: tuple[Array, Array], rows: Sequence[Sequence[
     if on.any():
         t[on] = (inward * (there.slope if bent else -there.pull) * std)[on]
     near = np.flatnonzero(on | (t < FAR))
-    if not len(near):
-        return Edges(0.0, np.zeros(len(rows)))
-    t, inward, on, std = t[near], inward[near], on[near], std[near]
-    w = np.column_stack([there.moved(way) - s.solved.decisions for way in ways[:, near].T])
-    along = [_along(there, column) for column in w.T]
-    lift = np.array([[_squares(J_w, of) for J_w in along] for of in rows]).reshape(len(rows), len(near))
-    change = 2.0 * inward * ((pulls / s.values.unit[:, None]).T @ w) + np.where(on, t, -t) * lift
-    bend = np.exp(norm.logpdf(t) - log_ndtr(t)) + np.where(on, t, 0.0)
-    value = log_ndtr(t) + np.where(on, np.log(std) + t**2 / 2, 0.0)
-    return Edges(float(np.sum(value)), change @ bend + lift @ on)
+    return Edges(there, t[near], std[near], inward[near], on[near], ways[:, near])
 
 
 def _along(there: Marginal, w: Array) -> list[Array]:

@@ -32,7 +32,7 @@ import numpy as np
 from backsight.ocp import Solution
 from backsight.ocp.marginal import log_density_of_forces
 
-from ..smoothing.marginal import at, marginal
+from ..smoothing.marginal import Moved, at, marginal
 from ..smoothing.robust import row_squares
 from .edges import Edges, edges
 from .kkt import gauss_newton
@@ -46,12 +46,16 @@ Rows = list[tuple[int, Mask]]  # number of a term, which of its rows
 
 
 def likelihood(turned: Turned, theta: Array, solution: Solution) -> Likelihood:
-    """Of a solution with log factors theta (F,) on the standard deviations; its own is another one where determinants bend."""
-    if turned.bent and solution.solved.status.converged:
-        solution = marginal(turned.program, solution, lambda _: None).solution
+    """Of a solution with log factors theta (F,) on the standard deviations, at the parameters that the study compares."""
     n = solution.transcription.nlp.trajectory_size
     bounds = turned.program.lower[n:], turned.program.upper[n:]
     return Likelihood(solution, [turned.rows(f, theta) for f in range(len(theta))], bounds, turned.bent)
+
+
+def summit(turned: Turned, solution: Solution) -> Moved:
+    """A solution at the parameters of most marginal likelihood, or as near as steps led; as it is where it did not converge."""
+    converged = solution.solved.status.converged
+    return marginal(turned.program, solution, lambda _: None) if converged else Moved(solution=solution)
 
 
 def bends(solution: Solution) -> bool:
@@ -106,7 +110,7 @@ class Likelihood:
         there, on = at(self.solution), self.solution.parameters_on_bounds
         if not there.minimum or not np.all(np.isin(on, there.moving)):
             return None
-        return edges(there, self.bounds, self.rows, self.pulls, bent=self.bent)
+        return edges(there, self.bounds, self.bent)
 
     @property
     def squares(self) -> Array:
@@ -132,7 +136,7 @@ class Likelihood:
     @property
     def slope(self) -> Array:
         """dl/dtheta, (F,)."""
-        return self.squares - self.freedom + (self._edges.slope if self._edges else 0.0)
+        return self.squares - self.freedom + (self._edges.slope(self.rows, self.pulls) if self._edges else 0.0)
 
     @cached_property
     def information(self) -> Array:

@@ -12,11 +12,10 @@ import numpy as np
 
 from backsight.ocp import Solution
 
-from ..smoothing.marginal import marginal
 from ..smoothing.on_bounds import on_bounds
 from .identity import identity
 from .kkt import gauss_newton
-from .likelihood import likelihood
+from .likelihood import likelihood, summit
 from .turned import Turned
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -106,17 +105,16 @@ class Stand:
         }
         if not solved.status.converged or solution.curvature is None:
             return Outcome(converged=False, **common)
-        told_of = likelihood(turned, theta, solution)
-        solution = told_of.solution
-        moved = marginal(turned.program, solution, lambda _: None)
-        told = moved.solution
+        moved = summit(turned, solution)
+        told, solution = moved.solution, moved.solution if turned.bent else solution
+        weighed = likelihood(turned, theta, solution)
         return Outcome(
             converged=True,
             parameters=_parameters(turned, told),
-            misfit=_misfits(turned, solution, told_of.ratio),
-            force=_forces(turned, solution, told_of.ratio),
+            misfit=_misfits(turned, solution, weighed.ratio),
+            force=_forces(turned, solution, weighed.ratio),
             cost=solved.cost,
-            log_likelihood=told_of.value,
+            log_likelihood=weighed.value,
             held_out=self.score(theta, told),
             condition=gauss_newton(solution).condition,
             arrived=moved.arrived,

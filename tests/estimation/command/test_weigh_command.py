@@ -170,7 +170,7 @@ def test_an_interrupted_study_goes_on_and_solves_nothing_again(study, monkeypatc
     monkeypatch.setattr(commands, "shutil", SimpleNamespace(rmtree=vanish))
     assert main(arguments) == 0
     counted = [int(k) for k in re.findall(r"setting (\d+) of \d+", capsys.readouterr().err)]
-    assert counted[0] == len(settings) > 1
+    assert counted[0] == len(settings) > 2
     assert (study.parent / "again" / "result.json").exists()
     assert len(after) > len(finished)
     again = [path for path in finished if after[path] != finished[path]]

@@ -19,7 +19,7 @@ from backsight.estimation.weighing import components
 from backsight.estimation.weighing.components import Component, Found, doubted, maximise, without
 from backsight.estimation.weighing.estimated import estimated
 from backsight.estimation.weighing.kkt import gauss_newton, sensitivity
-from backsight.estimation.weighing.likelihood import Likelihood, bends, likelihood
+from backsight.estimation.weighing.likelihood import Likelihood, bends, likelihood, summit
 from backsight.estimation.weighing.turned import Turned, turned
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.translational import AccelerationSensor, Force, Mass, PositionSensor
@@ -87,7 +87,8 @@ def posed(y: np.ndarray, parameters: dict | None = None, force_std: float = FORC
 
 
 def at(knobs: Turned, theta: np.ndarray) -> Likelihood:
-    return likelihood(knobs, theta, knobs.solve(theta, newton=True))
+    solution = knobs.solve(theta, newton=True)
+    return likelihood(knobs, theta, summit(knobs, solution).solution if knobs.bent else solution)
 
 
 def test_differences_of_the_likelihood_are_those_of_the_dense_gaussian():
