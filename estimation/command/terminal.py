@@ -82,6 +82,8 @@ def diagnosis_table(found: Diagnosis) -> Table:
         table.add_row(escape(f.explanation.words), escape(numbers(f.explanation.parameters)), escape(when(f)), chance(f.p_value))
         for rival in f.rivals:
             table.add_row(escape(f"  or {rival.words}"), escape(numbers(rival.parameters)))
+        if f.separates:
+            table.add_row("  to be told apart by", escape(f.separates))
     if held := found.held_out:
         for name, errors in held.before.items():
             spans = ", ".join(f"{rms:.3g} to {held.after[name].windows[s]:.3g} over {s:.3g} s" for s, rms in errors.windows.items())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from .onsets import onset
 from .refit import Fitted
 from .score import Linearised
 from .screen import Screen, Screened
+from .separation import separating
 from .shares import Sizes
 from .verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
 
@@ -34,23 +35,36 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
     return Explanation(place=c.place, family=c.family, physics=c.physics, gap=gap, parameters=strengths)
 
 
-def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
-    """The best of the fits of a round, with those that cannot be told from it and those that can; same: some that cannot."""
+def finding(
+    base: Linearised,
+    best: Judged,
+    fits: Sequence[Judged],
+    found: Screen,
+    sizes: Sizes,
+    same: Sequence[Candidate] = (),
+    states: Collection[str] = (),
+) -> Finding:
+    """The best of the fits of a round, with those that cannot be told from it and those that can.
+
+    same: some that cannot. states: of the model, of which there may be sensors.
+    """
     c, s, f = best
-    rivals, others = list[Explanation](), list[Explanation]()
-    for d, _, g in fits:
+    rivals, others, near = list[Explanation](), list[Explanation](), list[Screened | None]()
+    for d, there, g in fits:
         if d.key == c.key:
             continue
         gap = float(f.gain - g.gain)
-        if d in same:
-            rivals.append(explained(d, g.result, max(gap, 0.0)))
-        elif gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0):
-            rivals.append(explained(d, g.result, gap))
+        if d in same or (gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0)):
+            rivals.append(explained(d, g.result, max(gap, 0.0) if d in same else gap))
+            near.append(there)
         elif np.isfinite(gap):
             others.append(explained(d, g.result, gap))
     if s is not None:
         told = {c.key} | {(r.place, r.physics) for r in rivals + others}
-        rivals += [explained(o.candidate, None) for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME]
+        alike = [o for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME]
+        rivals += [explained(o.candidate, None) for o in alike]
+        near += alike
+    scored = [o for o in near if o is not None]
     began = c.onset if s is None else onset(base, s)
     return Finding(
         explanation=explained(c, f.result),
@@ -62,6 +76,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         onset=began,
         alternatives=tuple(others),
         rivals=tuple(rivals),
+        separates=separating(base, s, scored, states) if s is not None and len(scored) == len(near) else "",
     )
 
 
@@ -70,7 +85,7 @@ def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Find
     now = evened(replace(old.explanation, parameters=explained(c, result).parameters), c, result, sizes.forces.get(c.place, 0.0))
     rivals = tuple(r for r in old.rivals if (r.place, r.physics) != (now.place, now.physics))
     there = old.regime if now.physics == old.explanation.physics else EVERYWHERE
-    return replace(old, explanation=now, rivals=rivals, regime=there, change=_change(c, result))
+    return replace(old, explanation=now, rivals=rivals, separates=old.separates if rivals else "", regime=there, change=_change(c, result))
 
 
 def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried]) -> Finding:

@@ -78,9 +78,10 @@ class Scores:
 
 @dataclass(frozen=True)
 class Linearised:
-    """The smoothing problem of a solution, linearised there."""
+    """The smoothing problem of a solution, linearised there. more (n, unknowns): derivatives of rows beside its own."""
 
     solution: Solution
+    more: sp.csc_matrix | None = None
 
     def scores(self, columns: Columns) -> Scores:
         """Score and information of strengths."""
@@ -96,6 +97,10 @@ class Linearised:
         moved = self._kkt.solved(np.concatenate([self._kkt.free[:, None] * (self._J.T @ columns.squares), columns.multiplied]))
         unknowns = len(self._kkt.free)
         return np.concatenate([columns.squares - self._J @ moved[:unknowns], -(self._softness[:, None] ** 0.5) * moved[unknowns:]])
+
+    def with_rows(self, more: sp.csc_matrix) -> Linearised:
+        """The same with further squares, which are nothing at the solution and in which no strength stands: of one more sensor."""
+        return Linearised(self.solution, more)
 
     @cached_property
     def moving(self) -> Linearised:
@@ -165,7 +170,7 @@ class Linearised:
 
     @cached_property
     def _kkt(self) -> Kkt:
-        return gauss_newton(self.solution)
+        return gauss_newton(self.solution, self.more)
 
     @cached_property
     def _J(self) -> sp.csc_matrix:

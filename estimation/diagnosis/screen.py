@@ -95,7 +95,7 @@ class Screen:
         if a.freedom != b.freedom or id(a) not in order or id(b) not in order:
             return 0.0
         at = [list(self.columns[order[id(s)]]) for s in (a, b)]
-        roots = [_root(self.G[np.ix_(k, k)], self.plain[k]) for k in at]
+        roots = [inverse_root(self.G[np.ix_(k, k)], self.plain[k]) for k in at]
         cross = roots[0].T @ self.G[np.ix_(*at)] @ roots[1]
         return float(np.linalg.svd(cross, compute_uv=False).min()) if cross.size else 0.0
 
@@ -104,7 +104,7 @@ def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = ()) -
     """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
     for batch, at_rest in _batches(chain(told(base, looks), late)):
-        there, joined = _seen(base, batch, at_rest)
+        there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
         scores, first = there.scores(joined), 0
         for look in batch:
             at = np.arange(first, first + len(look.columns))
@@ -140,7 +140,7 @@ def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
         return list(looks)
     scores, first, scaling = base.scores(Columns.joined([*(look.columns for look in given), own])), 0, set[int]()
     last = np.arange(sum(len(look.columns) for look in given), len(scores.b))
-    root = _root(scores.G[np.ix_(last, last)], scores.plain[last])
+    root = inverse_root(scores.G[np.ix_(last, last)], scores.plain[last])
     for look in given:
         at = np.arange(first, first + len(look.columns))
         first += len(at)
@@ -165,7 +165,7 @@ def _inflated(base: Linearised, found: list[Screened]) -> list[Screened]:
     """With the inflation of their scores."""
     of, inflated = {id(s.look): s for s in found}, list[Screened]()
     for batch, at_rest in _batches([s.look for s in found]):
-        there, joined = _seen(base, batch, at_rest)
+        there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
         effects, first = there.effects(joined), 0
         for look in batch:
             s, last = of[id(look)], first + len(look.columns)
@@ -184,10 +184,9 @@ def inflation(effect: Array, left: Array, intervals: Index) -> float:
     return max(1.0, float(sums @ sums) / size)
 
 
-def _seen(base: Linearised, batch: list[Look], at_rest: bool) -> tuple[Linearised, Columns]:
-    """Where looks are scored, and what they do there."""
-    joined = Columns.joined([look.columns for look in batch])
-    return (base, joined) if at_rest or not base.rests else (base.moving, base.while_moving(joined))
+def seen(base: Linearised, columns: Columns, at_rest: bool) -> tuple[Linearised, Columns]:
+    """Where columns are scored, and what they are there. at_rest: whether one acts on bodies at rest, too."""
+    return (base, columns) if at_rest or not base.rests else (base.moving, base.while_moving(columns))
 
 
 def _batches(looks: Iterable[Look]) -> Iterator[tuple[list[Look], bool]]:
@@ -208,7 +207,7 @@ def _adjusted(s: Screened) -> float:
 
 
 def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:
-    root = _root(G, plain)
+    root = inverse_root(G, plain)
     if root.shape[1] == 0:
         return None
     a = -root @ (root.T @ b)
@@ -222,7 +221,7 @@ def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:
 def gain(scores: Scores, columns: Sequence[int]) -> float:
     """What some strengths would gain together [nats]."""
     at = list(columns)
-    root = _root(scores.G[np.ix_(at, at)], scores.plain[at])
+    root = inverse_root(scores.G[np.ix_(at, at)], scores.plain[at])
     return float(0.5 * np.sum((root.T @ scores.b[at]) ** 2))
 
 
@@ -233,7 +232,7 @@ def _one_sided(b: Array, G: Array, plain: Array) -> tuple[float, Array]:
         at = np.flatnonzero(chosen)
         if not len(at):
             continue
-        root = _root(G[np.ix_(at, at)], plain[at])
+        root = inverse_root(G[np.ix_(at, at)], plain[at])
         a = -root @ (root.T @ b[at])
         gain = float(0.5 * b[at] @ root @ root.T @ b[at])
         if np.all(a >= 0) and gain > best:
@@ -242,7 +241,7 @@ def _one_sided(b: Array, G: Array, plain: Array) -> tuple[float, Array]:
     return best, found
 
 
-def _root(G: Array, plain: Array) -> Array:
+def inverse_root(G: Array, plain: Array) -> Array:
     """R (n, rank) with R R' = G^-1 over what is told of the strengths."""
     size = np.sqrt(np.where(plain > 0, plain, 1.0))
     e, Q = np.linalg.eigh(G / np.outer(size, size))

@@ -359,7 +359,7 @@ class Search:
         had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        new = finding(base, best, fits, found, sizes, same)
+        new = finding(base, best, fits, found, sizes, same, [q.name for q in self.problem.dae.states])
         stay = [not c.replaces(old) for old in self.accepted]
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]

@@ -91,9 +91,10 @@ class Kkt:
         return np.asarray(size[:, None] * np.linalg.pinv(size[:, None] * S * size, hermitian=True, rcond=1e-13) * size)
 
 
-def gauss_newton(solution: Solution) -> Kkt:
-    """The matrix of the least-squares steps, which is that of the covariances."""
+def gauss_newton(solution: Solution, more: sp.csc_matrix | None = None) -> Kkt:
+    """The matrix of the least-squares steps, which is that of the covariances. more (n, n + np): derivatives of further squares."""
     H, J, d = solution.solver.kkt(solution.solved.decisions, solution.values)
+    H = H if more is None else H + sp.triu(more.T @ more)
     terms = solution.transcription.nlp.terms
     return _made(solution, H, J, d, np.concatenate([np.full(t.target.size, True) for t in terms if t.equality or t.heavy] or [_NONE]))
 

@@ -93,10 +93,10 @@ class Likelihood:
             if not term.equality:
                 total -= 0.5 * float(np.sum(r**2))
         n = s.transcription.nlp.trajectory_size
-        determinant, left = s.curvature.log_determinant, self._edges
+        determinant = s.curvature.log_determinant
         try:
-            density = log_density_of_forces(s)
-        except np.linalg.LinAlgError:
+            density, left = log_density_of_forces(s), self._edges
+        except np.linalg.LinAlgError:  # weights so small or large that nothing moves
             return float("nan")
         # of both matrices in the program's units, the first states and the parameters are in one of them only
         free = np.zeros(s.transcription.nlp.size, dtype=bool)
