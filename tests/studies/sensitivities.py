@@ -23,7 +23,7 @@ from backsight.estimation.weighing.kkt import sensitivity
 from backsight.estimation.weighing.likelihood import likelihood
 from backsight.estimation.weighing.turned import Turned, turned
 
-STEPS = (4e-2, 2e-2, 1e-2, 5e-3, 2.5e-3)  # of log std
+STEPS = (1.6e-1, 8e-2, 4e-2, 2e-2, 1e-2)  # of log std
 TOLERANCE = 1e-11
 
 
