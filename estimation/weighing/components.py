@@ -143,7 +143,7 @@ def maximise(
             theta, here, again = further, there, False
         elif not again and there.solution.solved.status.converged:
             # a solve that stopped early is worth more than its minimum: where a trajectory went on from it, this one goes there too
-            here, again = _at(turned, theta, there.solution.solved.decisions), True
+            here, again = _at(turned, theta, there.solution), True
         else:
             settled = promise < ROUGH_GAIN  # less than what solves at their tolerance tell
             break
@@ -155,7 +155,7 @@ def _uphill(turned: Turned, theta: Array, step: Array, here: Likelihood, gain: f
     length = 1.0
     while True:
         further = theta + _along(step, length)
-        there = _at(turned, further, here.solution.solved.decisions)
+        there = _at(turned, further, here.solution)
         length /= 3.0
         if length < 0.1 or _no_worse(there, here, gain):
             return further, there
@@ -177,7 +177,7 @@ def without(turned: Turned, best: Found, f: int) -> float:
         if here.freedom[f] < GONE:
             break
         theta = theta - LOWER * alone
-        here = _at(turned, theta, here.solution.solved.decisions)
+        here = _at(turned, theta, here.solution)
         if here.solution.solved.status.converged and _ratio(best, here) > DOUBTLESS:
             gone = maximise(turned, theta, best.moving & ~alone, here)
             theta, here = gone.theta, gone.likelihood
@@ -207,7 +207,7 @@ def at_most(turned: Turned, best: Found, f: int) -> float:
     theta, here = best.theta + max(up, FIRST_STEP) * alone, best.likelihood
     below, above = (0.0, 0.0), (np.inf, np.inf)
     for _ in range(STEPS_UP):
-        found = maximise(turned, theta, best.moving & ~alone, _at(turned, theta, here.solution.solved.decisions), gain=ROUGH_GAIN)
+        found = maximise(turned, theta, best.moving & ~alone, _at(turned, theta, here.solution), gain=ROUGH_GAIN)
         if not found.arrived:
             break
         here, theta, variance = found.likelihood, found.theta, float(np.exp(2.0 * (found.theta[f] - best.theta[f])))
@@ -228,8 +228,15 @@ def _ratio(best: Found, here: Likelihood) -> float:
     return 2.0 * (best.likelihood.value - here.value)
 
 
-def _at(turned: Turned, theta: Array, start: Array | None) -> Likelihood:
-    solution = turned.solved(theta, start)
+def _at(turned: Turned, theta: Array, near: Solution | None) -> Likelihood:
+    """The likelihood at theta; near: a solution with other weights to begin at.
+
+    Parameters of most marginal likelihood are sought from where they were with these, and by way of the most probable ones where that leads
+    nowhere.
+    """
+    if turned.bent and near is not None and (moved := summit(turned, turned.along(theta, near))).arrived:
+        return likelihood(turned, theta, moved.solution)
+    solution = turned.solved(theta, None if near is None else near.solved.decisions)
     return likelihood(turned, theta, summit(turned, solution).solution if turned.bent else solution)
 
 

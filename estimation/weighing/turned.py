@@ -23,6 +23,7 @@ from backsight.ocp.nlp import Values
 
 from ..problem import Problem
 from ..results import Smoothing
+from ..smoothing.marginal import released
 from ..smoothing.program import Program
 from ..smoothing.rest import near_rest
 from ..smoothing.robust import RobustSolution
@@ -99,6 +100,11 @@ class Turned:
         if found.solved.status is not Status.ITERATIONS:
             return found
         return program.solve(found.solved.decisions, values, True, lambda _: None)
+
+    def along(self, theta: Array, near: Solution) -> Solution:
+        """The most probable trajectories at the parameters of a solution with other weights, as one in which these are free."""
+        program = replace(self._roughly, start=near.solved.decisions).held
+        return released(program.solve(program.start, self.values(theta), True, lambda _: None), near.solved.on_bound)
 
     @cached_property
     def _roughly(self) -> Program:

@@ -385,6 +385,16 @@ def test_a_search_is_made_at_the_parameters_of_most_marginal_likelihood_where_de
     assert np.log(std / force_std) == pytest.approx(0.0, abs=3 * told.best.std[0])
 
 
+def test_most_marginal_likelihood_is_found_from_where_it_was_with_other_weights(monkeypatch):
+    _, knobs = posed(simulated(4, force_std=4.0), {"damper.d": Free(1.6)}, force_std=4.0)
+    bent, theta = replace(knobs, bent=True), np.array([np.log(4.0), 0.0])
+    near, there = at(bent, theta - 0.5), at(bent, theta)
+    monkeypatch.setattr(Turned, "solved", None)  # parameters most probable together with a trajectory are another way
+    found = components._at(bent, theta, near.solution)
+    assert found.value == pytest.approx(there.value, abs=0.005)
+    assert found.slope == pytest.approx(there.slope, abs=0.05)
+
+
 SLED = Model(
     name="sled",
     components={"motor": Force(), "mass": Mass(m=2.0), "position": PositionSensor(), "accelerometer": AccelerationSensor()},
