@@ -37,6 +37,12 @@ def chance(p: float | None) -> str:
     return "" if p is None or not isfinite(p) else f"{p:.2g}" if p > LEAST_P else f"< {LEAST_P:g}"
 
 
+def probability(p: float | None) -> str:
+    """p = 0.012, p < 1e-12; nothing where there is none."""
+    said = chance(p)
+    return f"p {said}" if said.startswith("<") else f"p = {said}" if said else ""
+
+
 def percentage(share: float) -> str:
     """A percentage with as many nines as it takes to see what is missing to 100: 99.9989 %."""
     missing = abs(100.0 - share)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..wording import chance, listed, measured
+from ..wording import listed, measured, probability
 from .verdict import EVERYWHERE, Diagnosis, Explanation, Finding, HeldOut, Strength
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
@@ -71,8 +71,7 @@ def gain(held: HeldOut | None) -> str:
         return ""
     size, where = held.improvement_percent, listed(held.recordings) or held.role
     less = f"{abs(size):.3g} % {'smaller' if size >= 0 else 'larger'}"
-    p = chance(held.p_value)
-    told = f" (p {p})" if p.startswith("<") else f" (p = {p})" if p else ""
+    told = f" ({p})" if (p := probability(held.p_value)) else ""
     return f" On {where}, which the fit has not seen, prediction errors are {less} with it{told}." if size else ""
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from backsight.models import Model
 
 from ..diagnosis.words import CONTRADICTED, numbers, sentence, when, with_deviation
+from ..wording import chance, probability
 from .answer import code, joined
 from .diagnosis_figures import held_out_charts, mismatch_chart, mismatch_scatter, window_chart
 from .document import document, drawn, save
@@ -141,7 +142,7 @@ def _finding(f: Finding) -> list[tuple[str, str]]:
         ("strength", numbers(f.explanation.parameters) or NOTHING),
         ("acts", when(f)),
         ("share", share),
-        ("chance without it", _p(f.p_value)),
+        ("chance without it", chance(f.p_value) or "no score tells it"),
         ("evidence", f"{number(f.gain, 4)} nats"),
         ("change of the model", f.change),
     ]
@@ -181,7 +182,7 @@ def _held_out(found: Diagnosis) -> str:
         f"Windows of {joined([code(r) for r in held.recordings]) or escape(held.role)} are predicted with the inputs alone, from the "
         "state at their first row, by the model as declared with its parameters fitted again and by the repaired one. Prediction "
         f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), "
-        f"{escape(_chance(held.p_value))} from {held.blocks} blocks."
+        f"{escape(probability(held.p_value))} from {held.blocks} blocks."
     )
     if held.attainable_percent is not None:
         said += f" That is {number(held.attainable_percent, 3)} % of what forces that are free at every place would take from them."
@@ -247,11 +248,3 @@ def _words(physics: str) -> str:
 
 def _change(percent: float) -> str:
     return f"{number(abs(percent), 3)} % {'smaller' if percent >= 0 else 'larger'}"
-
-
-def _p(p: float) -> str:
-    return "no score tells it" if np.isnan(p) else "< 0.0001" if p < 1e-4 else number(p, 2)
-
-
-def _chance(p: float) -> str:
-    return f"p {_p(p)}" if p < 1e-4 else f"p = {_p(p)}"

@@ -17,7 +17,7 @@ from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note, seconds_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary, doubted
 from ..supposed import INPUT, left_out
-from ..wording import listed, per_root_bandwidth
+from ..wording import listed, per_root_bandwidth, probability
 from .agreement import MISLEAD, contradictions, far_below, loose_weights, nothing_there, too_sharp
 from .beforehand import contradicted
 from .clock import clock_notes
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 Errors = Mapping[str, Mapping[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]]
 
-LEAST = 1e-99  # chance that is not spelt out
 OFF = 1.25  # factor between prediction errors and what the weights promise
 STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
 FEW = 3.0  # numbers for every unknown that an estimate needs at least
@@ -196,8 +195,8 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
                 said = "may be too large" if size < 1.0 / TELLING else "are too small" if size > TELLING else "hardly suffer, values may"
                 times = f", for what is slow about {size:.2g} times, or more" if size > TELLING else ""
                 found.append(
-                    f"{which}: its prediction errors are not white ({_chance(f.whiteness_p)}, {worth}): something is left out or weighed "
-                    f"wrongly; stated deviations {said}{times}."
+                    f"{which}: its prediction errors are not white ({probability(f.whiteness_p)}, {worth}): something is left out or "
+                    f"weighed wrongly; stated deviations {said}{times}."
                 )
             if f.prediction_rms is not None and not 1.0 / OFF < f.prediction_rms < OFF:
                 found.append(
@@ -206,8 +205,8 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
                 )
             if f.normality_p is not None and f.normality_p <= level:
                 found.append(
-                    f"{which}: its prediction errors are not normal ({_chance(f.normality_p)}): outliers, coarse steps of the sensor, or "
-                    "friction that sticks."
+                    f"{which}: its prediction errors are not normal ({probability(f.normality_p)}): outliers, coarse steps of the sensor, "
+                    "or friction that sticks."
                 )
     return found
 
@@ -232,17 +231,13 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
                 "parameters may be off by more than their deviations."
             )
         elif r.whiteness_p is not None and r.whiteness_p <= level:
-            m = r.memory
+            m, p = r.memory, probability(r.whiteness_p)
             W = "a W with a tau" if m is None else f'W = {{ "{place}" = {{ std = {m.rms:.2g}, tau = {m.tau:.2g} }} }}'
             found.append(
-                f"residual.{place} is not white ({_chance(r.whiteness_p)}): a force with a memory{f' of about {m.tau:.2g} s' if m else ''} "
+                f"residual.{place} is not white ({p}): a force with a memory{f' of about {m.tau:.2g} s' if m else ''} "
                 f"acts there. Stated deviations take it for white and may be too small; with {W} they do not."
             )
     return found
-
-
-def _chance(p: float) -> str:
-    return f"p = {p:.1g}" if p > LEAST else f"p < {LEAST:.0e}"
 
 
 def _on_the_start(problem: Problem, run: Run) -> list[str]:
