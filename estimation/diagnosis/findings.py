@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from backsight.models.analysis.isolability import isolability, telling
+
+from ..problem import Problem
 from ..results import ResidualSummary, Smoothing
 from .candidates import Candidate
 from .choice import RIVAL, SAME, evened, sound
@@ -19,6 +22,8 @@ from .screen import Screen, Screened
 from .separation import separating
 from .shares import Sizes
 from .verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
+
+SENSORS = 3  # that are named of those that would tell where an unknown force acts
 
 Judged = tuple[Candidate, Screened | None, Fitted]
 
@@ -88,17 +93,27 @@ def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Find
     return replace(old, explanation=now, rivals=rivals, separates=old.separates if rivals else "", regime=there, change=_change(c, result))
 
 
-def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried]) -> Finding:
-    """What is left over at a place, matters, and is nothing of the library."""
+def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried], problem: Problem) -> Finding:
+    """What is left over at a place, matters, and is nothing of the library; it may be at all places that no output tells from this one."""
+    dae, measured = problem.dae, {name for r in problem.recordings for name in r.outputs}
+    places = {p.name for p in dae.places}
+    others = [name for name in isolability(dae, measured).alike(place) if name in places] if place in places else []
+    sensors = telling(dae, place, others, measured)[:SENSORS] if others else []
     rms = Strength(value=left.rms, std=None, unit=left.unit)
     return Finding(
-        explanation=Explanation(place=place, family="unknown", physics="unknown_physics", parameters={"rms": rms}),
+        explanation=_unknown(place, {"rms": rms}),
         p_value=math.nan,
         gain=0.0,
         change="",
         share=share,
         alternatives=tuple(t.explanation for t in tried[:3]),
+        rivals=tuple(_unknown(name, {}) for name in others),
+        separates=f"a sensor of {' or '.join(sensors)}" if sensors else "",
     )
+
+
+def _unknown(place: str, parameters: Mapping[str, Strength]) -> Explanation:
+    return Explanation(place=place, family="unknown", physics="unknown_physics", parameters=parameters)
 
 
 def verdict(findings: Sequence[Finding]) -> Class:

@@ -405,7 +405,7 @@ class Search:
             force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
             self.notes.append(f"Unexplained at {worst}: a force of {force}.")
             return
-        self.findings.insert(0, nameless(worst, share, summary, self.tried))
+        self.findings.insert(0, nameless(worst, share, summary, self.tried, self.problem))
 
     def _explained(self) -> float:
         """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""

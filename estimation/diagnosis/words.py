@@ -35,7 +35,8 @@ def _verdict(found: Diagnosis) -> str:
             nameless = [f for f in found.findings if f.explanation.physics == UNKNOWN] or list(found.findings)
             others = [named(f.explanation) for f in found.findings if f not in nameless]
             beside = f", beside {listed(others)}" if others else ""
-            where = listed(list(dict.fromkeys(f.explanation.place for f in nameless)))
+            there = [[f.explanation.place, *(r.place for r in f.rivals if r.physics == UNKNOWN)] for f in nameless]
+            where = listed(list(dict.fromkeys(" or ".join(places) for places in there)))
             return f"Something is missing at {where} that no member of the library explains{beside}."
         case "undecided":
             if found.held_out is not None and found.held_out.refuting:

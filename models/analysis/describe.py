@@ -18,6 +18,7 @@ from ..language import Component, Signal
 from ..model import Model
 from ..text import abbreviated, equation_text, expression_text, is_longer, wrapped
 from .identifiability import Identifiability, identifiability
+from .isolability import isolability
 
 SX = Any  # casadi has no type stubs
 LONGEST = 500  # characters of an equation before what it repeats gets names
@@ -37,7 +38,7 @@ def describe(model: Model, width: int | None = None) -> str:
     dae = compile_model(model)
     title = f"{model.name}: {model.description}" if model.description else model.name
     blocks = [textwrap.fill(title, width), *_declared(model, width), _equations(dae, width), *_quantities(model, dae, width)]
-    return "\n\n".join(block for block in [*blocks, _told(dae, width)] if block)
+    return "\n\n".join(block for block in [*blocks, _told(dae, width), _apart(dae, width)] if block)
 
 
 def _declared(model: Model, width: int) -> list[str]:
@@ -156,6 +157,19 @@ def _told(dae: Dae, width: int) -> str:
     slow = f" ({found.seconds:.1f} s)" if found.seconds > SLOW else ""
     head = textwrap.fill(f"what the outputs can tell, with inputs that are known and rich enough{slow}", width)
     return "\n".join([head, *(line for sentence in judged(found) for line in _item(sentence, width))])
+
+
+def _apart(dae: Dae, width: int) -> str:
+    """Faults of places, inputs and outputs that no recording of these outputs can tell apart."""
+    if not dae.outputs:
+        return ""
+    found = isolability(dae)
+    lines = [f"{', '.join(names)}: one as well as another" for names in found.classes]
+    lines += [f"{', '.join(found.unseen)}: not seen at all"] if found.unseen else []
+    head = textwrap.fill(
+        "forces and faults of any course that the outputs cannot tell apart (one that follows a law may be told all the same)", width
+    )
+    return "\n".join([head, *(line for sentence in lines or ["none"] for line in _item(sentence, width))])
 
 
 def judged(found: Identifiability) -> list[str]:

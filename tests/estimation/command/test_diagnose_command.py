@@ -164,6 +164,8 @@ def test_every_verdict_is_one_sentence():
     refuted = replace(diagnosis(), verdict="undecided", held_out=replace(diagnosis().held_out, p_value=0.999, improvement_percent=-3.0))
     assert "would explain it where it was fitted alone" in sentence(refuted)
     assert said("unknown_physics") == "Something is missing at carriage that no member of the library explains."
+    elsewhere = (Explanation(place="screw", family="unknown", physics="unknown_physics"),)
+    assert said("unknown_physics", rivals=elsewhere) == "Something is missing at carriage or screw that no member of the library explains."
     assert sentence(replace(diagnosis(), verdict="none", findings=(), held_out=None)).startswith("Nothing is missing")
     with_proof = sentence(diagnosis())
     assert "On held.csv, which the fit has not seen, prediction errors are 75 % smaller with it (p = 0.001)." in with_proof
