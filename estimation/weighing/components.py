@@ -44,7 +44,7 @@ LOWER, STEPS_DOWN = float(np.log(5.0)), 8  # steps down to there
 EDGE, NEAR_EDGE = 1.959964, 0.1  # root of LR at the ends of 95 %, and how near to it is near enough
 SEEN, LEAST_SEEN, FIRST_STEP = 1.0, 1e-6, 0.35  # degrees of freedom where the way up begins, that none has less of, and a step in theta
 STEPS_UP, WIDEST, ROUGH_GAIN = 12, 4.0, 0.05  # steps up, the longest one on the variance, and what may be left to gain on the way
-DOUBTLESS = 30.0  # LR from which on a force is there: p = 2e-8
+DOUBTLESS, NEARLY = 30.0, 0.1  # LR from which on a force is there: p = 2e-8; of what it is beyond that, nats the others may still gain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,8 +169,10 @@ def without(turned: Turned, best: Found, f: int) -> float:
     """p that weight f is zero, NaN where a search did not arrive: without its greatest value under the null a ratio says too much.
 
     Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, that p is the most it can be, and the
-    rest of the way is not gone.
+    rest of the way is not gone; nor are the others brought to their best there any nearer than it takes to say so.
     """
+    if not best.arrived:
+        return float("nan")
     theta, here = best.theta, best.likelihood
     alone = np.arange(len(theta)) == f
     for _ in range(STEPS_DOWN):
@@ -178,15 +180,17 @@ def without(turned: Turned, best: Found, f: int) -> float:
             break
         theta = theta - LOWER * alone
         here = _at(turned, theta, here.solution)
-        if here.solution.solved.status.converged and _ratio(best, here) > DOUBTLESS:
-            gone = maximise(turned, theta, best.moving & ~alone, here)
+        if here.solution.solved.status.converged and (beyond := _ratio(best, here) - DOUBTLESS) > 0:
+            left = max(GAIN, NEARLY * beyond)
+            gone = maximise(turned, theta, best.moving & ~alone, here, gain=left)
             theta, here = gone.theta, gone.likelihood
-            if _ratio(best, here) > DOUBTLESS:
-                break
+            if gone.arrived and (ratio := _ratio(best, here) - 2.0 * left) > DOUBTLESS:
+                return _chance(ratio)
     null = best if here is best.likelihood else maximise(turned, theta, best.moving & ~alone, here)
-    if not (best.arrived and null.arrived):
-        return float("nan")
-    ratio = _ratio(best, null.likelihood)
+    return _chance(_ratio(best, null.likelihood)) if null.arrived else float("nan")
+
+
+def _chance(ratio: float) -> float:
     return 0.5 * float(stats.chi2.sf(ratio, 1)) if ratio > 0 else 1.0
 
 
