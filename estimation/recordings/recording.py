@@ -93,7 +93,8 @@ class Recording:
                     )
         for name, std in self.output_std.items():
             if std is not None and not (np.isfinite(std) and std > 0):
-                raise InputError(f"{self.name}: std of output {name} is {std}; a standard deviation is a positive number")
+                rule = "it must be positive; leave it out where nobody knows it, then it is chosen from the data"
+                raise InputError(f"{self.name}: std of output {name} is {std}; {rule}")
         check_samples(self.name, self.time, self.inputs, self.outputs)
         if self.gap is not None and not self.gap > self.sampling:
             rule = f"it must be longer than the sampling interval, {number(self.sampling)} s"

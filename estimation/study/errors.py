@@ -97,6 +97,8 @@ def _special(kind: str, path: Path, seen: Any) -> str | None:
     if key == "delay" and kind == "literal_error":
         known = "it must be 'estimate'"
         return f"{known} or a number of seconds" if "outputs" in path else f"{known}, for all inputs; give a known one to every output"
+    if kind == "greater_than" and key == "std" and "outputs" in path:
+        return "it must be greater than 0; leave it out where nobody knows it, then it is chosen from the data"
     if kind == "string_type" and path[-2:-1] in (["inputs"], ["outputs"]) and (home := no_signal(str(key))):
         return home
     if kind == "list_type" and path == ["recording"]:

@@ -453,7 +453,7 @@ def test_a_recording_cannot_be_changed_from_outside():
         ({"inputs": {"F": T[:-1]}}, "input F has 399 values"),
         ({"inputs": {"F": np.where(T[7] == T, np.nan, T)}}, "row 8"),
         ({"outputs": {"x": np.where(T[7] == T, np.inf, T)}}, "row 8"),
-        ({"output_std": {"x": 0.0}}, "std of output x"),
+        ({"output_std": {"x": 0.0}}, "std of output x is 0.0; it must be positive; leave it out"),
         ({"time": T[:1], "inputs": {}, "outputs": {}}, "one row"),
     ],
 )
