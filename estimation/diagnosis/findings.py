@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backsight.models import Dae
 from backsight.models.analysis.isolability import isolability, telling
 
 from ..problem import Problem
@@ -19,7 +20,7 @@ from .onsets import onset
 from .refit import Fitted
 from .score import Linearised
 from .screen import Screen, Screened
-from .separation import separating
+from .separation import measurable, separating
 from .shares import Sizes
 from .verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
 
@@ -40,19 +41,8 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
     return Explanation(place=c.place, family=c.family, physics=c.physics, gap=gap, parameters=strengths)
 
 
-def finding(
-    base: Linearised,
-    best: Judged,
-    fits: Sequence[Judged],
-    found: Screen,
-    sizes: Sizes,
-    same: Sequence[Candidate] = (),
-    states: Collection[str] = (),
-) -> Finding:
-    """The best of the fits of a round, with those that cannot be told from it and those that can.
-
-    same: some that cannot. states: of the model, of which there may be sensors.
-    """
+def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
+    """The best of the fits of a round, with those that cannot be told from it and those that can; same: some that cannot."""
     c, s, f = best
     rivals, others, near = list[Explanation](), list[Explanation](), list[Screened | None]()
     for d, there, g in fits:
@@ -61,7 +51,7 @@ def finding(
         gap = float(f.gain - g.gain)
         if d in same or (gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0)):
             rivals.append(explained(d, g.result, max(gap, 0.0) if d in same else gap))
-            near.append(there)
+            near.append(None if d in same else there)
         elif np.isfinite(gap):
             others.append(explained(d, g.result, gap))
     if s is not None:
@@ -69,7 +59,6 @@ def finding(
         alike = [o for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME]
         rivals += [explained(o.candidate, None) for o in alike]
         near += alike
-    scored = [o for o in near if o is not None]
     began = c.onset if s is None else onset(base, s)
     return Finding(
         explanation=explained(c, f.result),
@@ -81,8 +70,27 @@ def finding(
         onset=began,
         alternatives=tuple(others),
         rivals=tuple(rivals),
-        separates=separating(base, s, scored, states) if s is not None and len(scored) == len(near) else "",
+        separates=_separates(base, best, near),
     )
+
+
+def fitted_strengths(c: Candidate, result: Smoothing) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """What a fit made of a candidate's strengths, less what they are without it; of one with a phase those of its sine and cosine."""
+    strengths = np.array([result.parameters[n].value - c.neutral(n) for n in c.strengths])
+    if c.quadrature:
+        phase = result.parameters[c.quadrature].value
+        strengths = strengths[0] * np.array([np.cos(phase), np.sin(phase)])
+    return strengths
+
+
+def _separates(base: Linearised, best: Judged, near: Sequence[Screened | None]) -> str:
+    """What would tell the best from its rivals, where all have a score that tells it: equal ones may be apart by a crooked way alone."""
+    c, s, f = best
+    rivals = [o for o in near if o is not None]
+    if s is None or f.result is None or len(rivals) < len(near):
+        return ""
+    states = measurable(base.solution.transcription.dae)
+    return separating(base, s, rivals, states, None if c.signals else fitted_strengths(c, f.result))
 
 
 def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Finding:
@@ -90,16 +98,20 @@ def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Find
     now = evened(replace(old.explanation, parameters=explained(c, result).parameters), c, result, sizes.forces.get(c.place, 0.0))
     rivals = tuple(r for r in old.rivals if (r.place, r.physics) != (now.place, now.physics))
     there = old.regime if now.physics == old.explanation.physics else EVERYWHERE
-    return replace(old, explanation=now, rivals=rivals, separates=old.separates if rivals else "", regime=there, change=_change(c, result))
+    return replace(
+        old,
+        explanation=now,
+        rivals=rivals,
+        separates=old.separates if rivals == old.rivals else "",
+        regime=there,
+        change=_change(c, result),
+    )
 
 
 def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried], problem: Problem) -> Finding:
-    """What is left over at a place, matters, and is nothing of the library; it may be at all places that no output tells from this one."""
-    dae, measured = problem.dae, {name for r in problem.recordings for name in r.outputs}
-    places = {p.name for p in dae.places}
-    others = [name for name in isolability(dae, measured).alike(place) if name in places] if place in places else []
-    sensors = telling(dae, place, others, measured)[:SENSORS] if others else []
+    """What is left over at a place, matters, and is nothing of the library; it may be wherever no outputs tell it from there."""
     rms = Strength(value=left.rms, std=None, unit=left.unit)
+    others, separates = _elsewhere(problem.dae, place, [tuple(r.outputs) for r in problem.recordings])
     return Finding(
         explanation=_unknown(place, {"rms": rms}),
         p_value=math.nan,
@@ -108,8 +120,20 @@ def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tr
         share=share,
         alternatives=tuple(t.explanation for t in tried[:3]),
         rivals=tuple(_unknown(name, {}) for name in others),
-        separates=f"a sensor of {' or '.join(sensors)}" if sensors else "",
+        separates=separates,
     )
+
+
+def _elsewhere(dae: Dae, place: str, measured: Sequence[Collection[str]]) -> tuple[list[str], str]:
+    """What may be wrong instead of a place, and sensors that would tell. measured: outputs of every recording."""
+    kinds = [isolability(dae, outputs) for outputs in dict.fromkeys(measured)]
+    showing = [kind for kind in kinds if place in kind.faults and place not in kind.unseen]
+    if not showing:
+        return [], ""
+    others = [name for name in showing[0].alike(place) if all(name in kind.alike(place) for kind in showing)]
+    inside = [name for name in others if ":" not in name]
+    sensors = telling(dae, place, inside, list(dict.fromkeys(measured)), measurable(dae))[:SENSORS] if inside else []
+    return others, f"a sensor of {' or '.join(sensors)}" if sensors else "more than one sensor more" if inside else ""
 
 
 def _unknown(place: str, parameters: Mapping[str, Strength]) -> Explanation:

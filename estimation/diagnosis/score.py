@@ -78,16 +78,19 @@ class Scores:
 
 @dataclass(frozen=True)
 class Linearised:
-    """The smoothing problem of a solution, linearised there. more (n, unknowns): derivatives of rows beside its own."""
+    """The smoothing problem of a solution, linearised there."""
 
     solution: Solution
-    more: sp.csc_matrix | None = None
 
-    def scores(self, columns: Columns) -> Scores:
-        """Score and information of strengths."""
+    def scores(self, columns: Columns, more: sp.csc_matrix | None = None) -> Scores:
+        """Score and information of strengths.
+
+        more (n, unknowns): derivatives of further squares, which are nothing at the solution and in which no strength stands.
+        """
+        kkt = self._kkt if more is None else gauss_newton(self.solution, more)
         s, m = np.column_stack([columns.squares, self._squares]), np.column_stack([columns.multiplied, self._multiplied])
-        q = np.concatenate([self._kkt.free[:, None] * (self._J.T @ s), m])
-        G = s.T @ s - q.T @ self._kkt.solved(q)
+        q = np.concatenate([kkt.free[:, None] * (self._J.T @ s), m])
+        G = s.T @ s - q.T @ kkt.solved(q)
         G = (G + G.T) / 2
         plain = np.sum(columns.squares**2, axis=0) + np.sum((columns.multiplied * self.sizes[:, None]) ** 2, axis=0)
         return Scores(b=G[:-1, -1], G=G[:-1, :-1], plain=plain)
@@ -97,10 +100,6 @@ class Linearised:
         moved = self._kkt.solved(np.concatenate([self._kkt.free[:, None] * (self._J.T @ columns.squares), columns.multiplied]))
         unknowns = len(self._kkt.free)
         return np.concatenate([columns.squares - self._J @ moved[:unknowns], -(self._softness[:, None] ** 0.5) * moved[unknowns:]])
-
-    def with_rows(self, more: sp.csc_matrix) -> Linearised:
-        """The same with further squares, which are nothing at the solution and in which no strength stands: of one more sensor."""
-        return Linearised(self.solution, more)
 
     @cached_property
     def moving(self) -> Linearised:
@@ -170,7 +169,7 @@ class Linearised:
 
     @cached_property
     def _kkt(self) -> Kkt:
-        return gauss_newton(self.solution, self.more)
+        return gauss_newton(self.solution)
 
     @cached_property
     def _J(self) -> sp.csc_matrix:

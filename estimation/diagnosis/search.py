@@ -31,7 +31,7 @@ from .choice import (
     trifling,
 )
 from .elimination import Bare
-from .findings import Judged, explained, finding, nameless, renewed, verdict
+from .findings import Judged, explained, finding, fitted_strengths, nameless, renewed, verdict
 from .fits import Base, Fits
 from .indistinct import indistinct
 from .library import library
@@ -309,10 +309,7 @@ class Search:
             looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
             if f.result is None or not looks:
                 return best
-            strengths = np.array([f.result.parameters[n].value - c.neutral(n) for n in c.strengths])
-            if c.quadrature:
-                phase = f.result.parameters[c.quadrature].value
-                strengths = strengths[0] * np.array([np.cos(phase), np.sin(phase)])
+            strengths = fitted_strengths(c, f.result)
             time, gained = moved(there, looks[0], strengths, c.onset)
             since = s.look.whole.candidate.since(time)
             if gained < CLEAR or since is None:
@@ -359,7 +356,7 @@ class Search:
         had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        new = finding(base, best, fits, found, sizes, same, [q.name for q in self.problem.dae.states])
+        new = finding(base, best, fits, found, sizes, same)
         stay = [not c.replaces(old) for old in self.accepted]
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]

@@ -5,9 +5,10 @@ explains (G of `score.py`):
 
     1/2 a*' (G_aa - G_ab G_bb^+ G_ba) a*
 
-They grow in proportion to the length of recordings of one kind. A sensor that was not there, with derivatives C of its readings over their
-noise, adds C'C to the Hessian in K: one factorisation tells the nats with it, whatever it would read. One that tells what an input does
-shuts out that this input did something else: 1/2 a*' G_aa a* stay then.
+over the inflation of a's score (`screen.py`). They grow in proportion to the length of recordings of one kind. A sensor that was not
+there, in whose readings no strength stands, with derivatives C over its noise, adds C'C to the Hessian in K: one factorisation tells the
+nats with it, whatever it would read. One of an input as it acts shuts out that this input did something else, and 1/2 a*' G_aa a* stay;
+where a is a fault of that input it reads this, and how well hangs on the sensor.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
+from backsight.models import Dae
 from backsight.models.dae import Quantity
 from backsight.ocp import ParameterPrior, Solution, transcribe
 from backsight.ocp.readout import read
@@ -34,7 +36,8 @@ LONGER = 30.0  # times as long: nobody records more than that
 MANY = 2  # sensors that are named
 ROUGH = 0.01  # noise of a sensor of a unit that no output has, over the deviation of what it reads
 GAINED = 2.0  # times the nats: a sensor that brings less is not what tells
-NOTHING = "neither a sensor of one more state nor more of such recordings, but a machine that moves otherwise"
+READ = ("m/s", "rad/s", "A", "V")  # units of states of which there are sensors, beside the positions of bodies
+NOTHING = f"neither a sensor of one more state nor {LONGER:g} times as much of such recordings"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,37 +56,51 @@ class Sensor:
         return f"a sensor of {self.of} with noise of {self.noise:.2g}{unit}"
 
 
-def separating(base: Linearised, best: Screened, rivals: Sequence[Screened], states: Collection[str]) -> str:
-    """What would tell an explanation from every one of its rivals, or that nothing of that kind would; "" where they are told as it is.
+def separating(
+    base: Linearised, best: Screened, rivals: Sequence[Screened], states: Collection[str], strengths: Array | None = None
+) -> str:
+    """What would tell an explanation from every one of its rivals, or that nothing of that kind would.
 
-    states: of the model, for one may have a sensor of each.
+    "" where there is nothing to tell: by these scores they are told as it is, or an effect so small is not seen at all. states: of which
+    there may be sensors. strengths: of the best, as fitted; by default those of its score.
     """
     if not rivals:
         return ""
-    told = Told(base, best, rivals)
+    told = Told(base, best, rivals, strengths)
     now = min(told.nats)
-    if now >= ENOUGH:
+    if now >= ENOUGH or told.alone < ENOUGH:
         return ""
-    found = [(told.shut_out(name), f"a sensor of what {name} really does") for name in told.at("input")]
-    for sensor in sensors(base.solution, states, told.at("sensor")):
-        found.append((min(told.with_sensor(sensor)), sensor.words))
+    said = [words for name in told.at("input") if (words := told.of_input(name))]
+    found = [(min(told.with_sensor(sensor)), sensor.words) for sensor in sensors(base.solution, states, told.at("sensor"))]
     good = sorted((f for f in found if f[0] >= max(ENOUGH, GAINED * now)), key=lambda f: -f[0])[:MANY]
-    said = [f"{words} ({nats:.3g} nats)" for nats, words in good]
-    if now * LONGER >= ENOUGH:
-        said.append(f"{ENOUGH / now:.2g} times as much of such recordings")
+    said += [f"{words} ({nats:.3g} nats)" for nats, words in good]
+    if now * LONGER >= ENOUGH and best.candidate.onset is None:
+        said.append(f"recordings {_rounded_up(ENOUGH / now)} times as long in all")
     return " or ".join(said) or NOTHING
 
 
-class Told:
-    """An explanation beside its rivals. nats: that only it explains, beside each of them."""
+def measurable(dae: Dae) -> list[str]:
+    """The states of which there may be sensors: positions of bodies, velocities, currents and voltages."""
+    positions = {i for i, _, _ in dae.kinematics}
+    return [q.name for i, q in enumerate(dae.states) if i in positions or q.unit in READ]
 
-    def __init__(self, base: Linearised, best: Screened, rivals: Sequence[Screened]) -> None:
-        self._all, self._strengths = [best, *rivals], best.estimate
+
+def _rounded_up(factor: float) -> str:
+    """Two digits, no less."""
+    digit = 10.0 ** (np.floor(np.log10(factor)) - 1)
+    return f"{np.ceil(factor / digit * (1 - 1e-9)) * digit:.2g}"
+
+
+class Told:
+    """An explanation beside its rivals. nats: that only it explains, beside each of them; alone: beside none."""
+
+    def __init__(self, base: Linearised, best: Screened, rivals: Sequence[Screened], strengths: Array | None = None) -> None:
+        self._all, self._strengths = [best, *rivals], best.estimate if strengths is None else strengths
         at_rest = any(s.candidate.family in HOLD_AT_REST for s in self._all)
-        joined = Columns.joined([s.look.columns for s in self._all])
-        self._base, self._columns = seen(base, joined, at_rest)
-        self._scores = self._base.scores(self._columns)
-        self.nats = self._apart(self._scores)
+        self._base, self._columns = seen(base, Columns.joined([s.look.columns for s in self._all]), at_rest)
+        scores, n = self._base.scores(self._columns), len(self._strengths)
+        self.nats = self._apart(scores)
+        self.alone = 0.5 * float(self._strengths @ scores.G[:n, :n] @ self._strengths) / best.inflation
 
     def at(self, kind: str) -> list[str]:
         """The inputs, or the sensors, that one of the explanations is about."""
@@ -92,13 +109,14 @@ class Told:
 
     def with_sensor(self, sensor: Sensor) -> list[float]:
         """The nats with one more sensor."""
-        return self._apart(self._base.with_rows(sensor.rows).scores(self._columns))
+        return self._apart(self._base.scores(self._columns, sensor.rows))
 
-    def shut_out(self, name: str) -> float:
-        """The least of the nats where it is known what an input does."""
-        n, here = len(self._strengths), [s.candidate.place == f"input:{name}" for s in self._all]
-        alone = 0.5 * float(self._strengths @ self._scores.G[:n, :n] @ self._strengths)
-        return min(alone if one is not here[0] else nats for one, nats in zip(here[1:], self.nats, strict=True))
+    def of_input(self, name: str) -> str:
+        """A sensor of an input as it acts, if that would tell; with the nats, where they do not hang on the sensor."""
+        best, *rivals = (s.candidate.place == f"input:{name}" for s in self._all)
+        if not (best or all(rivals)):
+            return ""
+        return f"a sensor of {name} as it acts" + ("" if best else f" ({self.alone:.3g} nats)")
 
     def _apart(self, scores: Scores) -> list[float]:
         a, first, found = self._strengths, len(self._strengths), list[float]()
@@ -107,30 +125,35 @@ class Told:
             at = slice(first, first + len(s.look.columns))
             first = at.stop
             common = a @ scores.G[own, at] @ inverse_root(scores.G[at, at], scores.plain[at])
-            found.append(max(0.5 * float(a @ scores.G[own, own] @ a - common @ common), 0.0))
+            whole = 0.5 * float(a @ scores.G[own, own] @ a - common @ common)
+            found.append(max(whole, 0.0) / self._all[0].inflation)
         return found
 
 
 def sensors(solution: Solution, states: Collection[str], outputs: Collection[str] = ()) -> list[Sensor]:
-    """Of these states, where no output reads them alone, and second ones of these outputs."""
+    """Of these states, where no recorded output reads them alone, and second ones of these outputs; at the rows that have samples."""
     t = solution.transcription
     dae = t.dae
+    sampled = np.concatenate([np.isfinite(h.target) for h in t.horizons])
+    given = np.concatenate([np.broadcast_to(h.target_std, h.target.shape) for h in t.horizons])
     motion, readings = ca.vertcat(dae.x, dae.dx, dae.z, dae.u), ca.vertsplit(dae.output)
-    read_alone = {at[0] for y in readings if len(at := ca.jacobian_sparsity(y, motion).get_col()) == 1}
-    noise = [float(np.nanmedian(np.concatenate([h.target_std[:, i] for h in t.horizons]))) for i in range(len(readings))]
-    of_unit = {q.unit: n for q, n in reversed(list(zip(dae.outputs, noise, strict=True))) if np.isfinite(n) and n > 0}
-    at_samples = [read(t, n, solution.solved.decisions, solution.parameters).x for n in range(len(t.horizons))]
-    spread = np.std(np.hstack(at_samples), axis=1)
-    wanted = list[tuple[Quantity, Any, float]]()
+    noise = [float(np.median(std[there])) if there.any() else np.nan for std, there in zip(given.T, sampled.T, strict=True)]
+    recorded = [(y, q, s, there) for y, q, s, there in zip(readings, dae.outputs, noise, sampled.T, strict=True) if there.any()]
+    read_alone = {at[0] for y, *_ in recorded if len(at := ca.jacobian_sparsity(y, motion).get_col()) == 1}
+    of_unit = {q.unit: s for _, q, s, _ in reversed(recorded)}
+    spread = np.std(np.hstack([read(t, n, solution.solved.decisions, solution.parameters).x for n in range(len(t.horizons))]), axis=1)
+    wanted = list[tuple[Quantity, Any, float, Any]]()
     for i, q in enumerate(dae.states):
         if q.name in states and i not in read_alone:
-            wanted.append((q, dae.x[i], of_unit.get(q.unit, ROUGH * (float(spread[i]) or q.nominal))))
-    again = {q.name: (replace(q, name=f"{q.name} again"), y, n) for q, y, n in zip(dae.outputs, readings, noise, strict=True)}
-    wanted += [again[name] for name in outputs if name in again]
+            wanted.append((q, dae.x[i], of_unit.get(q.unit, ROUGH * (float(spread[i]) or q.nominal)), sampled.any(axis=1)))
+    wanted += [(replace(q, name=f"{q.name} again"), y, s, there) for y, q, s, there in recorded if q.name in outputs]
     if not wanted:
         return []
-    C = _derivatives(solution, [q for q, _, _ in wanted], ca.vertcat(*(e for _, e, _ in wanted)))
-    return [Sensor(of=q.name, noise=s, unit=q.unit, rows=sp.csc_matrix(C[k :: len(wanted)] / s)) for k, (q, _, s) in enumerate(wanted)]
+    C = _derivatives(solution, [q for q, *_ in wanted], ca.vertcat(*(e for _, e, *_ in wanted)))
+    return [
+        Sensor(of=q.name, noise=s, unit=q.unit, rows=sp.csc_matrix(C[k :: len(wanted)][there] / s))
+        for k, (q, _, s, there) in enumerate(wanted)
+    ]
 
 
 def _derivatives(solution: Solution, quantities: Sequence[Quantity], expression: Any) -> sp.csc_matrix:

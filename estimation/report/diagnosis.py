@@ -67,7 +67,7 @@ def _doubts(found: Diagnosis) -> str:
     elif held is not None and held.refuting:
         said.append(CONTRADICTED)
     elif found.findings and held is not None and not held.p_value < 0.05:
-        said.append(f"What was held out does not confirm the repair (p = {number(held.p_value, 2)}).")
+        said.append(f"What was held out does not confirm the repair ({escape(probability(held.p_value)) or 'no p'}).")
     items = "".join(f"<li>{s}</li>" for s in said)
     return f"<div class=odd><b>Mind</b><ul>{items}</ul></div>" if said else ""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..wording import per_root_bandwidth
+from ..wording import chance, per_root_bandwidth
 from .answer import whiteness_sentence
 from .quantities import NOTHING, count, number, percent, pretty, quantity, uncertain
 
@@ -68,7 +68,7 @@ def fit_table(fit: Mapping[str, Mapping[str, OutputFit]], result: Smoothing) -> 
     rows, robust = [], any(f.trimmed for outputs in fit.values() for f in outputs.values())
     for name, outputs in fit.items():
         for output, f in outputs.items():
-            p = "< 0.0001" if f.whiteness_p is not None and f.whiteness_p < 1e-4 else number(f.whiteness_p, 2)
+            p = chance(f.whiteness_p) or NOTHING
             unit, left = result.units.get(output, ""), [NOTHING, NOTHING]
             if f.trimmed is not None:
                 left = [count(f.trimmed.outliers), f"{quantity(f.rms, unit)} ({percent(f.fit_percent)})"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from ..wording import chance
 from .answer import code, joined, with_uncertainty
 from .chart import Chart
 from .columns import Columns
@@ -88,7 +89,7 @@ def _fit(result: Tracking) -> str:
             quantity(f.rms, result.units.get(output, "")),
             percent(f.fit_percent) if f.fit_percent is not None else "",
             "" if f.prediction_rms is None else number(f.prediction_rms, 3),
-            "" if f.whiteness_p is None else number(f.whiteness_p, 2),
+            chance(f.whiteness_p),
         ]
         for name, outputs in result.fit.items()
         for output, f in outputs.items()

@@ -162,14 +162,14 @@ def _uphill(turned: Turned, theta: Array, step: Array, here: Likelihood, gain: f
 
 
 def _no_worse(there: Likelihood, here: Likelihood, gain: float) -> bool:
-    return bool(np.isfinite(there.value) and there.value > here.value - gain)
+    return bool(np.isfinite(there.value) and there.value > here.value - min(gain, ROUGH_GAIN))
 
 
 def without(turned: Turned, best: Found, f: int) -> float:
     """p that weight f is zero, NaN where a search did not arrive: without its greatest value under the null a ratio says too much.
 
-    Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, that p is the most it can be, and the
-    rest of the way is not gone; nor are the others brought to their best there any nearer than it takes to say so.
+    Below its greatest value a likelihood of one variance falls: where it has fallen beyond doubt, the p of that is the most it can be, and
+    the rest of the way is not gone; nor are the others brought to their best there any nearer than it takes to say so.
     """
     if not best.arrived:
         return float("nan")
@@ -180,12 +180,18 @@ def without(turned: Turned, best: Found, f: int) -> float:
             break
         theta = theta - LOWER * alone
         here = _at(turned, theta, here.solution)
-        if here.solution.solved.status.converged and (beyond := _ratio(best, here) - DOUBTLESS) > 0:
-            left = max(GAIN, NEARLY * beyond)
-            gone = maximise(turned, theta, best.moving & ~alone, here, gain=left)
+        if not here.solution.solved.status.converged:
+            continue
+        for _ in range(ROUNDS):
+            beyond = _ratio(best, here) - DOUBTLESS
+            if not beyond > 0:
+                break
+            gone = maximise(turned, theta, best.moving & ~alone, here, gain=max(GAIN, NEARLY * beyond))
+            if gone.likelihood is here:  # nothing is left to gain that would take it back
+                if gone.arrived:
+                    return _chance(DOUBTLESS)
+                break
             theta, here = gone.theta, gone.likelihood
-            if gone.arrived and (ratio := _ratio(best, here) - 2.0 * left) > DOUBTLESS:
-                return _chance(ratio)
     null = best if here is best.likelihood else maximise(turned, theta, best.moving & ~alone, here)
     return _chance(_ratio(best, null.likelihood)) if null.arrived else float("nan")
 

@@ -7,15 +7,17 @@ over-determined part of the Dulmage-Mendelsohn decomposition:
     fault i is seen                   its equation lies there
     fault i is told from fault j      it still lies there without the equation of j
 
-(M. Krysander, E. Frisk, Sensor placement for fault diagnosis, IEEE Trans. Systems, Man and Cybernetics A 38, 2008.) Parameters count as
-known. What is told here by structure may be told by next to nothing in a recording; what is not told here never is, if a fault may have any
-course. One that follows a law, as friction does, may be told all the same.
+(structural detectability and isolability: M. Krysander, E. Frisk, Sensor placement for fault diagnosis, IEEE Trans. Systems, Man and
+Cybernetics A 38, 2008). Parameters count as known. Of terms that cancel the structure does not know: so columns of the transfer matrix must
+not be parallel either, of the model linearised at one of a few random points. What is not told here never is, if a fault may have any
+course; one that follows a law, as friction does, may be told all the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,6 +27,11 @@ from ..compilation.structure import fault
 from ..dae import Dae
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+
+FREQUENCY = 3.0 + 7.0j  # rad/s
+REACHES = (1.0, 1e-1, 1e-2, 1e-3)  # of the points' values: what is played out, saturated or slips at one is not at another
+NONE = 1e-9  # of a column, or of the angle between two
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +45,8 @@ class Isolability:
     def alike(self, name: str) -> tuple[str, ...]:
         """The faults that could as well be there where this one seems to be."""
         i = self.faults.index(name)
+        if not self.seen[i]:
+            return ()
         return tuple(other for j, other in enumerate(self.faults) if j != i and self.seen[j] and not self.apart[i, j])
 
     @property
@@ -57,36 +66,77 @@ class Isolability:
 def isolability(dae: Dae, measured: Collection[str] | None = None) -> Isolability:
     """Of all places and inputs of a model, and of the outputs that are measured, by default all."""
     dae = dae if measured is None else _with_outputs(dae, [i for i, q in enumerate(dae.outputs) if q.name in measured])
+    rows, own = _structure(dae)
+    apart, shown = np.array([_seen(rows, own, without=j) for j in own]).T, _seen(rows, own)
+    transferred = [G for G in _transfers(dae) if np.isfinite(G).all()]
+    if transferred:
+        size = [np.linalg.norm(G, axis=0) for G in transferred]
+        there = [one > NONE * one.max(initial=1.0) for one in size]
+        unit = [G / np.where(see, one, 1.0) for G, one, see in zip(transferred, size, there, strict=True)]
+        shown &= np.any(there, axis=0)
+        apart &= np.any([see[:, None] & (np.abs(U.conj().T @ U) < 1.0 - NONE) for U, see in zip(unit, there, strict=True)], axis=0)
+    return Isolability(faults=_names(dae), seen=shown, apart=apart)
+
+
+def telling(dae: Dae, name: str, others: Collection[str], measured: Collection[Collection[str]], states: Collection[str]) -> list[str]:
+    """Of these states those of which one more sensor would tell a fault from all the others. measured: outputs of every recording."""
+    found = list[str]()
+    for i, state in enumerate(dae.states):
+        if state.name not in states:
+            continue
+        left = set(others)
+        for outputs in measured:
+            own = _with_outputs(dae, [k for k, q in enumerate(dae.outputs) if q.name in outputs])
+            rows, at = _structure(
+                replace(own, output=ca.vertcat(own.output, dae.x[i]), outputs=(*own.outputs, replace(state, name="more")))
+            )
+            faults = _names(own)
+            f = faults.index(name)
+            left -= {other for other in left if other not in faults or _seen(rows, at[[f]], without=at[faults.index(other)])[0]}
+        if not left:
+            found.append(state.name)
+    return found
+
+
+def _names(dae: Dae) -> tuple[str, ...]:
+    return (*(p.name for p in dae.places), *(f"input:{q.name}" for q in dae.inputs), *(f"sensor:{q.name}" for q in dae.outputs))
+
+
+def _structure(dae: Dae) -> tuple[csr_array, Index]:
+    """Which unknown stands in which equation, and the equations of the faults."""
     x, w, u = dae.x.shape[0], dae.w.shape[0], dae.u.shape[0]
     unknown = ca.vertcat(dae.x, dae.dx, dae.z, dae.w, dae.u)
     n, rates, forces = unknown.shape[0], np.arange(x, 2 * x), np.arange(unknown.shape[0] - w - u, unknown.shape[0])
     model = _rows(ca.jacobian_sparsity(ca.vertcat(dae.residual, dae.output), unknown))
     joined = _ones(np.concatenate([np.arange(x)] * 2), np.concatenate([np.arange(x), rates]), (x, n))
     given = _ones(np.arange(w + u), forces, (w + u, n))
-    rows = csr_array(vstack([given, model, joined]))
     sensors = w + u + dae.residual.shape[0] + np.arange(len(dae.outputs))
-    own = np.concatenate([np.arange(w + u), sensors])
-    faults = [p.name for p in dae.places] + [f"input:{q.name}" for q in dae.inputs] + [f"sensor:{q.name}" for q in dae.outputs]
-    apart = np.array([_seen(rows, own, without=j) for j in own]).T
-    return Isolability(faults=tuple(faults), seen=_seen(rows, own), apart=apart)
+    return csr_array(vstack([given, model, joined])), np.concatenate([np.arange(w + u), sensors])
 
 
-def telling(dae: Dae, name: str, others: Collection[str], measured: Collection[str]) -> list[str]:
-    """The states of which one more sensor would tell a fault from all the others."""
-    own = _with_outputs(dae, [i for i, q in enumerate(dae.outputs) if q.name in measured])
-    found = list[str]()
-    for i, state in enumerate(dae.states):
-        more = replace(own, output=ca.vertcat(own.output, dae.x[i]), outputs=(*own.outputs, replace(state, name=f"{state.name} (more)")))
-        if not set(others) & set(isolability(more).alike(name)):
-            found.append(state.name)
-    return found
+def _transfers(dae: Dae) -> Iterator[Any]:
+    """From all faults to all outputs, (ny, faults), at random points near and far from nothing, at a frequency of no mode."""
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
+    both = ca.vertcat(dae.residual, dae.output)
+    slopes = ca.Function("slopes", arguments, [ca.densify(ca.jacobian(both, a)) for a in (dae.dx, dae.x, dae.z, dae.w, dae.u)])
+    rng, n = np.random.default_rng(0), dae.residual.shape[0]
+    for reach in REACHES:
+        point = [reach * rng.uniform(0.1, 1.0, a.shape[0]) for a in arguments]
+        point[4] = np.array([p.value or p.nominal for p in dae.parameters])
+        dx, x, z, w, u = (np.asarray(J) for J in slopes(*point))
+        inner, caused = np.hstack([FREQUENCY * dx + x, z]), np.hstack([w, u])
+        try:
+            G = caused[n:] - inner[n:] @ np.linalg.solve(inner[:n], caused[:n])
+        except np.linalg.LinAlgError:
+            continue
+        yield np.hstack([G, np.eye(len(G))])
 
 
 def _with_outputs(dae: Dae, numbers: Sequence[int]) -> Dae:
     return replace(dae, output=dae.output[numbers], outputs=tuple(dae.outputs[i] for i in numbers))
 
 
-def _seen(rows: csr_array, own: np.ndarray[tuple[int], np.dtype[np.int64]], without: int | None = None) -> Array:
+def _seen(rows: csr_array, own: Index, without: int | None = None) -> Array:
     """Which of the equations `own` lie in the over-determined part."""
     left = np.delete(np.arange(rows.shape[0]), [] if without is None else [without])
     over = left[np.array(fault(csr_array(rows[left]))[0], dtype=np.int64)]

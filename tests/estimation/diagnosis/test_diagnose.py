@@ -118,6 +118,17 @@ def test_a_mass_that_was_given_wrong_is_a_parameter():
     assert (found.place, found.physics) == ("carriage", "wrong_parameter")
     assert found.parameters["carriage.m"].value == pytest.approx(95.109, rel=5e-3)
     assert {(r.place, r.physics) for r in d.findings[0].rivals} >= {("carriage", "added_mass")}
+    assert d.findings[0].separates == ""  # of some of them scores say nothing
+
+
+@pytest.mark.slow
+def test_an_offset_may_be_that_of_the_input_and_a_sensor_of_that_would_tell():
+    d = diagnose(case(f_0=15.0), jobs=1)
+    assert d.verdict == "undecided"
+    (found,) = d.findings
+    both = {(e.place, e.physics) for e in (found.explanation, *found.rivals)}
+    assert both == {("input:F", "input_offset"), ("carriage", "constant_force")}
+    assert found.separates.startswith("a sensor of F as it acts")
 
 
 @pytest.mark.slow

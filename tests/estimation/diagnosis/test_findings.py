@@ -11,25 +11,35 @@ from backsight.estimation.results import ResidualSummary
 from backsight.models.plants import PLANTS
 
 
-def drilled(*outputs: str) -> Problem:
-    time = np.arange(50) * 1e-2
-    read = {name: np.zeros(50) for name in outputs}
-    recording = Recording(name="run", time=time, inputs={"V": np.ones(50)}, outputs=read, output_std=dict.fromkeys(outputs, 1e-3))
-    return Problem(model=PLANTS["drillstring"](), recordings=[recording])
+def drilled(*recorded: tuple[str, ...]) -> Problem:
+    """Recordings with these outputs."""
+    time, V = np.arange(50) * 1e-2, {"V": np.ones(50)}
+    recordings = [
+        Recording(name=str(n), time=time, inputs=V, outputs={y: np.zeros(50) for y in outputs}, output_std=dict.fromkeys(outputs, 1e-3))
+        for n, outputs in enumerate(recorded)
+    ]
+    return Problem(model=PLANTS["drillstring"](), recordings=recordings)
+
+
+BOTH, SPEED, CURRENT = ("I_m", "Omega_r"), ("Omega_r",), ("I_m",)
 
 
 @pytest.mark.parametrize(
-    ("place", "outputs", "others", "separates"),
+    ("place", "recorded", "others", "separates"),
     [
-        ("bha", ("I_m", "Omega_r"), ["rotary_table"], "a sensor of string.dphi or bha.omega"),
-        ("motor", ("I_m", "Omega_r"), [], ""),
-        ("motor", ("Omega_r",), ["rotary_table", "bha"], "a sensor of motor.i"),
+        ("bha", [BOTH], ["rotary_table"], "a sensor of bha.omega"),
+        ("bha", [BOTH, BOTH], ["rotary_table"], "a sensor of bha.omega"),
+        ("motor", [BOTH], ["input:V"], ""),
+        ("motor", [SPEED], ["rotary_table", "bha", "input:V", "sensor:Omega_r"], "a sensor of motor.i"),
+        ("rotary_table", [SPEED], ["motor", "bha", "input:V", "sensor:Omega_r"], "more than one sensor more"),
+        ("motor", [CURRENT, SPEED], ["rotary_table", "bha", "input:V"], "a sensor of motor.i or rotary_table.omega or bha.omega"),
+        ("motor", [CURRENT, BOTH], ["input:V"], ""),
     ],
 )
-def test_an_unknown_force_may_be_wherever_the_outputs_cannot_tell_it_from(place, outputs, others, separates):
+def test_an_unknown_force_may_be_wherever_the_outputs_cannot_tell_it_from(place, recorded, others, separates):
     left = ResidualSummary(place=place, unit="N.m", rms=0.4, origin="")
-    found = nameless(place, 0.2, left, [], drilled(*outputs))
+    found = nameless(place, 0.2, left, [], drilled(*recorded))
     assert found.explanation.place == place
-    assert [(r.place, r.physics) for r in found.rivals] == [(other, "unknown_physics") for other in others]
+    assert {(r.place, r.physics) for r in found.rivals} == {(other, "unknown_physics") for other in others}
     assert found.separates == separates
     assert verdict([found]) == "unknown_physics"

@@ -73,8 +73,15 @@ def test_a_second_position_tells_on_which_mass_a_force_acts():
     assert set(isolability(both).alike("one")) == {"input:F"}
     assert set(isolability(both, ["x"]).alike("two")) == {"one", "input:F", "sensor:x"}
     assert isolability(both, ["x"]).classes == [("one", "two", "input:F", "sensor:x")]
-    assert telling(both, "two", ["one"], ["x"]) == ["two.s", "two.v"]
-    assert telling(both, "one", ["input:F"], ["x", "y"]) == []
+    states = [q.name for q in both.states]
+    assert telling(both, "two", ["one"], [["x"]], states) == ["two.s", "two.v"]
+    assert telling(both, "two", ["one"], [["x"]], ["two.v"]) == ["two.v"]
+    assert telling(both, "one", ["input:F"], [["x", "y"]], states) == []
+
+
+def test_two_outputs_that_read_the_same_tell_no_more_than_one():
+    twice = two_masses(x="spring.s_rel", y="spring.f")
+    assert set(isolability(compile_model(twice)).alike("two")) == {"one", "input:F"}
 
 
 def test_what_no_output_shows_is_not_seen_and_stands_in_the_text_of_a_model():
