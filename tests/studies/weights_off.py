@@ -40,8 +40,8 @@ def main() -> None:
             found = weigh(off, jobs=asked.jobs, progress=lambda line: print(f"  {line}", file=sys.stderr, flush=True))
             right, wrong, ours = (fitted(p) for p in (unseen, badly, replace(unseen, weights=found.recommended.weights)))
             print(
-                f"{plant} {seed}: {found.chosen}; unseen {further(ours, right, unseen):+.2f} % "
-                f"(with the weights that are off {further(wrong, right, unseen):+.2f} %), {time.perf_counter() - began:.0f} s",
+                f"{plant} {seed}: {found.chosen}; unseen {further(ours, right, unseen)} "
+                f"(with the weights that are off {further(wrong, right, unseen)}), {time.perf_counter() - began:.0f} s",
                 flush=True,
             )
 
@@ -67,12 +67,16 @@ def fitted(problem: Problem) -> tuple[Problem, Smoothing]:
     return alone, smooth(alone)
 
 
-def further(one: tuple[Problem, Smoothing], other: tuple[Problem, Smoothing], unseen: Problem) -> float:
-    """By how much the errors of predicted windows of what is held out are larger [%]; NaN where it cannot be smoothed."""
+def further(one: tuple[Problem, Smoothing], other: tuple[Problem, Smoothing], unseen: Problem) -> str:
+    """By how much the errors of predicted windows of what is held out are larger, in the mean and of the output and length where most."""
     try:
-        return -prove(other, one, [r for r in unseen.recordings if r.role == "held_out"]).improvement_percent
-    except SolveError:
-        return float("nan")
+        found = prove(other, one, [r for r in unseen.recordings if r.role == "held_out"])
+    except SolveError as error:
+        return f"not told: {error}"
+    worst = max(
+        (found.after[y].windows[s] / e - 1.0, y, s) for y, errors in found.before.items() for s, e in errors.windows.items() if e > 0
+    )
+    return f"{-found.improvement_percent:+.2f} %, at most {100 * worst[0]:+.2f} % ({worst[1]} over {worst[2]:.3g} s)"
 
 
 if __name__ == "__main__":
