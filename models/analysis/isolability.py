@@ -31,7 +31,7 @@ Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 FREQUENCY = 3.0 + 7.0j  # rad/s
 REACHES = (1.0, 1e-1, 1e-2, 1e-3)  # of the points' values: what is played out, saturated or slips at one is not at another
-NONE = 1e-9  # of a column, or of the angle between two
+NONE = 1e-9  # of a sum's terms: rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,13 +68,10 @@ def isolability(dae: Dae, measured: Collection[str] | None = None) -> Isolabilit
     dae = dae if measured is None else _with_outputs(dae, [i for i, q in enumerate(dae.outputs) if q.name in measured])
     rows, own = _structure(dae)
     apart, shown = np.array([_seen(rows, own, without=j) for j in own]).T, _seen(rows, own)
-    transferred = [G for G in _transfers(dae) if np.isfinite(G).all()]
+    transferred = list(_transfers(dae))
     if transferred:
-        size = [np.linalg.norm(G, axis=0) for G in transferred]
-        there = [one > NONE * one.max(initial=1.0) for one in size]
-        unit = [G / np.where(see, one, 1.0) for G, one, see in zip(transferred, size, there, strict=True)]
-        shown &= np.any(there, axis=0)
-        apart &= np.any([see[:, None] & (np.abs(U.conj().T @ U) < 1.0 - NONE) for U, see in zip(unit, there, strict=True)], axis=0)
+        shown &= np.any([np.any(G != 0, axis=0) for G in transferred], axis=0)
+        apart &= np.any([_not_parallel(G) for G in transferred], axis=0)
     return Isolability(faults=_names(dae), seen=shown, apart=apart)
 
 
@@ -126,10 +123,24 @@ def _transfers(dae: Dae) -> Iterator[Any]:
         dx, x, z, w, u = (np.asarray(J) for J in slopes(*point))
         inner, caused = np.hstack([FREQUENCY * dx + x, z]), np.hstack([w, u])
         try:
-            G = caused[n:] - inner[n:] @ np.linalg.solve(inner[:n], caused[:n])
+            moved = np.linalg.solve(inner[:n], caused[:n])
         except np.linalg.LinAlgError:
             continue
-        yield np.hstack([G, np.eye(len(G))])
+        G, size = caused[n:] - inner[n:] @ moved, np.abs(caused[n:]) + np.abs(inner[n:]) @ np.abs(moved)
+        if np.isfinite(G).all():
+            yield np.hstack([np.where(np.abs(G) > NONE * size, G, 0.0), np.eye(len(G))])
+
+
+def _not_parallel(G: Any) -> Array:
+    """Which columns of a matrix (ny, n) are not a multiple of which others, (n, n), in whatever units: by minors of two rows."""
+    there = np.any(G != 0, axis=0)
+    found = np.asarray(there[:, None] & ~there, dtype=np.bool_)
+    for k, one in enumerate(G):
+        for other in G[:k]:
+            products = one[:, None] * other
+            minor = products - products.T
+            found |= np.abs(minor) > NONE * (np.abs(products) + np.abs(products.T))
+    return found
 
 
 def _with_outputs(dae: Dae, numbers: Sequence[int]) -> Dae:

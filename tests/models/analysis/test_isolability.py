@@ -79,6 +79,12 @@ def test_a_second_position_tells_on_which_mass_a_force_acts():
     assert telling(both, "one", ["input:F"], [["x", "y"]], states) == []
 
 
+def test_units_do_not_matter():
+    model = two_masses(x="a.s", y="b.s")
+    heavy = {**model.components, "one": Mass(m=1e6), "two": Mass(m=2e9), "spring": Spring(k=1e3)}
+    assert set(isolability(compile_model(replace(model, components=heavy))).alike("two")) == set()
+
+
 def test_two_outputs_that_read_the_same_tell_no_more_than_one():
     twice = two_masses(x="spring.s_rel", y="spring.f")
     assert set(isolability(compile_model(twice)).alike("two")) == {"one", "input:F"}
