@@ -126,13 +126,14 @@ def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tr
 
 def _elsewhere(dae: Dae, place: str, measured: Sequence[Collection[str]]) -> tuple[list[str], str]:
     """What may be wrong instead of a place, and sensors that would tell. measured: outputs of every recording."""
-    kinds = [isolability(dae, outputs) for outputs in dict.fromkeys(measured)]
+    measured = list(dict.fromkeys(tuple(sorted(outputs)) for outputs in measured))
+    kinds = [isolability(dae, outputs) for outputs in measured]
     showing = [kind for kind in kinds if place in kind.faults and place not in kind.unseen]
     if not showing:
         return [], ""
     others = [name for name in showing[0].alike(place) if all(name in kind.alike(place) for kind in showing)]
     inside = [name for name in others if ":" not in name]
-    sensors = telling(dae, place, inside, list(dict.fromkeys(measured)), measurable(dae))[:SENSORS] if inside else []
+    sensors = telling(dae, place, inside, measured, measurable(dae))[:SENSORS] if inside else []
     return others, f"a sensor of {' or '.join(sensors)}" if sensors else "more than one sensor more" if inside else ""
 
 

@@ -205,18 +205,7 @@ class Enlarged:
         self._base, self._dae, self._strengths, self._exact = base, dae, strengths, exact
         self._read: dict[int, Array] = {}
         t = base.solution.transcription
-        names, places = [p.name for p in dae.parameters], [p.name for p in dae.places]
-        free = [names.index(t.dae.parameters[i].name) for i in t.nlp.free]
-        count = len(free) + len(strengths)
-        self._program: Transcription = transcribe(
-            dae,
-            horizons,
-            free=[*free, *strengths],
-            prior=ParameterPrior(mean=np.zeros(count), std=np.full(count, np.inf)),
-            force_std={places.index(t.dae.places[k].name): float(std) for k, std in zip(t.soft, t.force_std, strict=True)},
-            method=t.method,
-            degree=t.degree,
-        )
+        self._program: Transcription = transcribed_as(t, dae, horizons, strengths)
         at = {term.name: k for k, term in enumerate(t.nlp.terms)}
         terms = self._program.nlp.terms
         if [term.name for term in t.nlp.terms if term.name != "parameter prior"] != [term.name for term in terms]:
@@ -348,6 +337,24 @@ class Enlarged:
             base=first.base,
         )
         return nlp.about(values, np.concatenate([s.solved.decisions, np.zeros(len(self._strengths))]))
+
+
+def transcribed_as(t: Transcription, dae: Dae, horizons: Sequence[Horizon], strengths: Sequence[int] = ()) -> Transcription:
+    """A model that has all that of a transcription has, by the same scheme, with its forces and no prior.
+
+    Its unknowns are those, and last the parameters `strengths` by their indices.
+    """
+    names, places = [p.name for p in dae.parameters], [p.name for p in dae.places]
+    free = [*(names.index(t.dae.parameters[i].name) for i in t.nlp.free), *strengths]
+    return transcribe(
+        dae,
+        horizons,
+        free=free,
+        prior=ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf)),
+        force_std={places.index(t.dae.places[k].name): float(std) for k, std in zip(t.soft, t.force_std, strict=True)},
+        method=t.method,
+        degree=t.degree,
+    )
 
 
 def _weights(term: Term) -> Array:

@@ -23,10 +23,10 @@ import scipy.sparse as sp
 
 from backsight.models import Dae
 from backsight.models.dae import Quantity
-from backsight.ocp import ParameterPrior, Solution, transcribe
+from backsight.ocp import Solution
 from backsight.ocp.readout import read
 
-from .score import Columns, Linearised, Scores
+from .score import Columns, Linearised, Scores, transcribed_as
 from .screen import HOLD_AT_REST, Screened, inverse_root, seen
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -160,15 +160,7 @@ def _derivatives(solution: Solution, quantities: Sequence[Quantity], expression:
     """Of an expression of the model at the samples, in the unknowns; rows sample by sample."""
     t, count = solution.transcription, len(quantities)
     unread = [replace(h, target=np.zeros((len(h.time), count)), target_std=np.ones((len(h.time), count))) for h in t.horizons]
-    nlp = transcribe(
-        replace(t.dae, output=expression, outputs=tuple(quantities)),
-        unread,
-        free=t.nlp.free,
-        prior=ParameterPrior(mean=np.zeros(len(t.nlp.free)), std=np.full(len(t.nlp.free), np.inf)),
-        force_std={k: float(std) for k, std in zip(t.soft, t.force_std, strict=True)},
-        method=t.method,
-        degree=t.degree,
-    ).nlp
+    nlp = transcribed_as(t, replace(t.dae, output=expression, outputs=tuple(quantities)), unread).nlp
     decisions = solution.solved.decisions
     values = nlp.about(replace(nlp.values(solution.parameters), unit=solution.values.unit), decisions)
     number = next(k for k, term in enumerate(nlp.terms) if term.name == "samples")

@@ -4,7 +4,7 @@ A machine of `coverage.py` is recorded three times. One recording is studied (`w
 large or too small at random, the second is held out and judges. Beside it the first is smoothed with the weights that the simulator has.
 Printed is by how much the errors of predicted windows of the third are larger, which has judged nothing, in the mean over outputs and
 lengths (`diagnosis/proof.py`): it should be below 2 %; and the same of smoothing with the weights that are off. (Not of the largest output:
-an accelerometer sees a body break away a sample later as an error of hundreds of deviations, and that of one window is half the rms.)
+an accelerometer sees a body that breaks away a sample later, and that of a few windows raised the rms of one by 75 %.)
 """
 
 from __future__ import annotations
