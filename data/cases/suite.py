@@ -3,7 +3,7 @@
 import gzip
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from ..generators.concealed.rig import sensor_faults
 from . import actuator, drillstring, five_bar, quadrotor, xy_table
 from .case import Bench, Case, Drawn, Taken, conditions
 
-__all__ = ["FLOOR", "Made", "benches", "make_case", "numbered", "suite"]
+__all__ = ["FLOOR", "Made", "benches", "make_case", "numbered", "suite", "write_case"]
 
 FLOOR = 0.01  # of the rms force at a place: what is weaker does not matter
 SPREAD, GUESS = 0.1, (0.15, 0.35)  # of the machines about the usual one, of the guesses about the machine
@@ -43,16 +43,23 @@ def make_case(number: int, folder: Path, truth: Path, seed: int = 1) -> Made:
     entries = numbered()
     if not 1 <= number <= len(entries):
         raise ValueError(f"case {number}: there are cases 1 to {len(entries)}")
-    (bench, case), name = entries[number - 1], f"c{number:03d}"
+    return write_case(*entries[number - 1], f"c{number:03d}", folder, truth, [seed, number])
+
+
+def write_case(bench: Bench, case: Case, name: str, folder: Path, truth: Path, seed: Sequence[int]) -> Made:
+    """Write any case of a plant into folder/name and its truth to truth/name.json.
+
+    Cases of the same plant and seed are of one machine, guessed alike, whatever is concealed in it. ValueError as above.
+    """
     target = folder / name
     if truth.resolve() == folder.resolve() or folder.resolve() in truth.resolve().parents:
         raise ValueError(f"truth {truth}: it lies among the cases in {folder}; name another folder")
-    rng = np.random.default_rng([seed, number, 0])
+    rng = np.random.default_rng([*seed, 0])
     values, size = _machine(bench, case, rng), float(rng.uniform(0.9, 1.1))
     effects = case.effects(Drawn(values=values, size=size))
     true = {**values, **{name: value for e in effects for name, value in e.values.items()}}
     plain = {name: 0.0 if any(name in e.absent for e in effects) else value for name, value in values.items()}
-    taken = [bench.take(true, plain, effects, case, motion, [seed, number, 1 + i]) for i, motion in enumerate(case.motions)]
+    taken = [bench.take(true, plain, effects, case, motion, [*seed, 1 + i]) for i, motion in enumerate(case.motions)]
     guesses, lines = _parameters(bench, values, effects, rng)
     target.mkdir(parents=True, exist_ok=True)
     truth.mkdir(parents=True, exist_ok=True)

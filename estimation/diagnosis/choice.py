@@ -71,7 +71,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
 
 def _likely(s: Screened, found: Screen, sizes: Sizes) -> bool:
     """Whether its gain is unlikely by chance, its strength possible, and its effect large enough to matter."""
-    return found.chance(s.gain) <= SURE and not beyond(s) and matters(s, sizes)
+    return found.chance.of(s.gain) <= SURE and not beyond(s) and matters(s, sizes)
 
 
 def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]]) -> list[Screened]:

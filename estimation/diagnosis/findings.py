@@ -62,7 +62,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
     began = c.onset if s is None else onset(base, s)
     return Finding(
         explanation=explained(c, f.result),
-        p_value=found.chance(s.worth) if s is not None else math.nan,
+        p_value=found.chance.of(s.worth) if s is not None else math.nan,
         gain=float(f.gain),
         change=_change(c, f.result),
         share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,

@@ -88,18 +88,29 @@ class Linearised:
         more (n, unknowns): derivatives of further squares, which are nothing at the solution and in which no strength stands.
         """
         kkt = self._kkt if more is None else gauss_newton(self.solution, more)
-        s, m = np.column_stack([columns.squares, self._squares]), np.column_stack([columns.multiplied, self._multiplied])
-        q = np.concatenate([kkt.free[:, None] * (self._J.T @ s), m])
+        own = Columns(squares=self._squares[:, None], multiplied=self._multiplied[:, None])
+        joined = Columns.joined([columns, own])
+        s, q = joined.squares, self.pushed(joined)
         G = s.T @ s - q.T @ kkt.solved(q)
         G = (G + G.T) / 2
         plain = np.sum(columns.squares**2, axis=0) + np.sum((columns.multiplied * self.sizes[:, None]) ** 2, axis=0)
         return Scores(b=G[:-1, -1], G=G[:-1, :-1], plain=plain)
 
+    def pushed(self, columns: Columns) -> Array:
+        """By how much strengths push trajectory, parameters and multipliers, the right-hand sides of K, (unknowns + M, n)."""
+        return np.concatenate([self._kkt.free[:, None] * (self._J.T @ columns.squares), columns.multiplied])
+
     def effects(self, columns: Columns) -> Array:
         """What strengths do to all rows, trajectory and parameters projected out: (R + M, n). Its products are G, those with `left` b."""
-        moved = self._kkt.solved(np.concatenate([self._kkt.free[:, None] * (self._J.T @ columns.squares), columns.multiplied]))
-        unknowns = len(self._kkt.free)
+        moved, unknowns = self._kkt.solved(self.pushed(columns)), len(self._kkt.free)
         return np.concatenate([columns.squares - self._J @ moved[:unknowns], -(self._softness[:, None] ** 0.5) * moved[unknowns:]])
+
+    def drawn(self, seed: int, draws: int) -> Drawn:
+        """What chance makes of scores, where nothing is missing: of rows that are white and of unit variance."""
+        rng, d = np.random.default_rng(seed), self._softness[:, None]
+        squares = rng.standard_normal((self._J.shape[0], draws))
+        noise = np.concatenate([self._kkt.free[:, None] * (self._J.T @ squares), d**0.5 * rng.standard_normal((len(d), draws))])
+        return Drawn(base=self, squares=squares, moved=self._kkt.solved(noise))
 
     @cached_property
     def moving(self) -> Linearised:
@@ -188,6 +199,19 @@ class Linearised:
         rows = zip(self.solution.transcription.nlp.terms, self.solution.rows, strict=True)
         parts = [r.T.ravel() for t, r in rows if t.equality or t.heavy]
         return (np.concatenate(parts) if parts else np.empty(0)) / self.sizes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """Draws of all rows: of the squares (R, draws), and what trajectory, parameters and multipliers make of them and the others."""
+
+    base: Linearised
+    squares: Array
+    moved: Array
+
+    def b(self, columns: Columns) -> Array:
+        """Scores of strengths, (n, draws): by the same draws of all of them, N(0, G)."""
+        return columns.squares.T @ self.squares - self.base.pushed(columns).T @ self.moved
 
 
 class Enlarged:

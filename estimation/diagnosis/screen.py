@@ -1,9 +1,7 @@
 """All candidates at once: what each would gain, how likely as much is where nothing is missing, and which cannot be told apart.
 
-A candidate with strengths a at a shape gains  max over allowed a of  -b'a - a'Ga/2  nats. Under the null b ~ N(0, G): twice a gain is chi
-squared, and the chance of a gain g anywhere in the library, at any shape, is at most
-
-    p(g)  <=  sum over looks of P(chi2_r > 2 g)                     (Bonferroni; r: how many strengths a look tells)
+A candidate with strengths a at a shape gains  max over allowed a of  -b'a - a'Ga/2  nats. Under the null b ~ N(0, G): how likely as much is
+anywhere in the library, at any shape, is drawn (`chance.py`).
 
 That takes what is left over for white. Where it is not, or where the model leaves out something else as well, a score varies more than G
 says. With c the effect of a candidate as it is found, r what is left over, and b_k the sum of c (r + c) over the k-th of K equal parts of
@@ -23,11 +21,10 @@ from dataclasses import dataclass, replace
 from itertools import chain, product
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.stats import chi2
 
 from .candidates import Candidate
-from .score import Columns, Linearised, Scores
+from .chance import DRAWS, Chance
+from .score import Columns, Drawn, Linearised, Scores
 from .supermodel import Look
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -72,22 +69,14 @@ class Screened:
 class Screen:
     """Best first, each candidate once.
 
-    looks: how many there were of every freedom. G: information of the first ones, with their columns.
+    chance: of gains. G: information of the first ones, with their columns.
     """
 
     found: tuple[Screened, ...]
-    looks: Counter[int]
+    chance: Chance
     G: Array
     plain: Array
     columns: tuple[tuple[int, ...], ...]
-
-    def chance(self, gain: float) -> float:
-        """Of as much gain anywhere in the library if nothing is missing, at most."""
-        return float(min(1.0, sum(count * chi2.sf(2.0 * gain, freedom) for freedom, count in self.looks.items())))
-
-    def needed(self, chance: float) -> float:
-        """The gain that has this chance."""
-        return float(brentq(lambda g: self.chance(g) - chance, 0.1, 1e3)) if self.looks and self.chance(0.1) > chance else 0.1
 
     def alike(self, a: Screened, b: Screened) -> float:
         """How well an effect of one can always stand for an effect of the other: cosine of the largest principal angle between them."""
@@ -100,24 +89,31 @@ class Screen:
         return float(np.linalg.svd(cross, compute_uv=False).min()) if cross.size else 0.0
 
 
-def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = ()) -> Screen:
-    """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in."""
+def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0) -> Screen:
+    """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed: of what is drawn."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
+    drawn, most = dict[int, Drawn](), np.zeros(DRAWS)
     for batch, at_rest in _batches(chain(told(base, looks), late)):
         there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
         scores, first = there.scores(joined), 0
+        if id(there) not in drawn:
+            drawn[id(there)] = there.drawn(seed, DRAWS)
+        b = drawn[id(there)].b(joined)
         for look in batch:
             at = np.arange(first, first + len(look.columns))
             first += len(look.columns)
-            one = _judged(look, scores.b[at], scores.G[np.ix_(at, at)], scores.plain[at])
-            if one is None:
+            one = Scores(b=scores.b[at], G=scores.G[np.ix_(at, at)], plain=scores.plain[at])
+            root = inverse_root(one.G, one.plain)
+            if root.shape[1] == 0:
                 continue
-            freedoms[one.freedom] += 1
+            found = _judged(look, one, root)
+            most = np.maximum(most, _gained(look, replace(one, b=b[at]), root)[0])
+            freedoms[found.freedom] += 1
             key = (True, id(look.whole)) if look.whole else (False, id(look.candidate))
-            if key not in best or one.gain > best[key].gain:
-                best[key] = one
-    found = tuple(sorted(_inflated(base, _set_in(best)), key=lambda s: (-_adjusted(s), s.candidate.rank)))
-    close, first, columns = found[:CLOSE], 0, list[tuple[int, ...]]()
+            if key not in best or found.gain > best[key].gain:
+                best[key] = found
+    ordered = tuple(sorted(_inflated(base, _set_in(best)), key=lambda s: (-_adjusted(s), s.candidate.rank)))
+    close, first, columns = ordered[:CLOSE], 0, list[tuple[int, ...]]()
     for s in close:
         columns.append(tuple(range(first, first + len(s.look.columns))))
         first += len(s.look.columns)
@@ -126,7 +122,8 @@ def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = ()) -
         if close
         else Scores(b=np.empty(0), G=np.empty((0, 0)), plain=np.empty(0))
     )
-    return Screen(found=found, looks=freedoms, G=joint.G, plain=joint.plain, columns=tuple(columns))
+    chance = Chance(looks=freedoms, most=most)
+    return Screen(found=ordered, chance=chance, G=joint.G, plain=joint.plain, columns=tuple(columns))
 
 
 def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
@@ -206,16 +203,18 @@ def _adjusted(s: Screened) -> float:
     return s.gain - 0.5 * (s.freedom - 1) * float(np.log(max(2.0 * s.gain, 1.0)))
 
 
-def _judged(look: Look, b: Array, G: Array, plain: Array) -> Screened | None:
-    root = inverse_root(G, plain)
-    if root.shape[1] == 0:
-        return None
-    a = -root @ (root.T @ b)
-    gain = float(0.5 * np.sum((root.T @ b) ** 2))
-    if (look.candidate.one_sided and not look.candidate.absorbs) or look.candidate.signals:
-        gain, a = _one_sided(b, G, plain)
+def _judged(look: Look, scores: Scores, root: Array) -> Screened:
+    gains, a = _gained(look, replace(scores, b=scores.b[:, None]), root)
     std = np.sqrt(np.maximum(np.sum(root**2, axis=1), 0.0))
-    return Screened(look=look, gain=gain, estimate=a, std=std, freedom=root.shape[1])
+    return Screened(look=look, gain=float(gains[0]), estimate=a[:, 0], std=std, freedom=root.shape[1])
+
+
+def _gained(look: Look, scores: Scores, root: Array) -> tuple[Array, Array]:
+    """Gains (draws,) and strengths (n, draws) of scores b (n, draws)."""
+    if (look.candidate.one_sided and not look.candidate.absorbs) or look.candidate.signals:
+        return _one_sided(scores)
+    along = root.T @ scores.b
+    return 0.5 * np.sum(along**2, axis=0), -root @ along
 
 
 def gain(scores: Scores, columns: Sequence[int]) -> float:
@@ -225,19 +224,19 @@ def gain(scores: Scores, columns: Sequence[int]) -> float:
     return float(0.5 * np.sum((root.T @ scores.b[at]) ** 2))
 
 
-def _one_sided(b: Array, G: Array, plain: Array) -> tuple[float, Array]:
+def _one_sided(scores: Scores) -> tuple[Array, Array]:
     """The largest gain with no strength negative, by trying which of them are nothing."""
-    best, found = 0.0, np.zeros(len(b))
-    for chosen in product((False, True), repeat=len(b)):
+    best, found = np.zeros(scores.b.shape[1]), np.zeros(scores.b.shape)
+    for chosen in product((False, True), repeat=len(scores.b)):
         at = np.flatnonzero(chosen)
         if not len(at):
             continue
-        root = inverse_root(G[np.ix_(at, at)], plain[at])
-        a = -root @ (root.T @ b[at])
-        gain = float(0.5 * b[at] @ root @ root.T @ b[at])
-        if np.all(a >= 0) and gain > best:
-            best, found = gain, np.zeros(len(b))
-            found[at] = a
+        root = inverse_root(scores.G[np.ix_(at, at)], scores.plain[at])
+        along = root.T @ scores.b[at]
+        a, gains = -root @ along, 0.5 * np.sum(along**2, axis=0)
+        better = np.all(a >= 0, axis=0) & (gains > best)
+        best[better], found[:, better] = gains[better], 0.0
+        found[np.ix_(at, better)] = a[:, better]
     return best, found
 
 

@@ -93,7 +93,7 @@ def _left(result: Smoothing, there: Mapping[str, float]) -> dict[str, float]:
 def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[tuple[str, str]]) -> list[Undetectable]:
     """Of every candidate that was not found, the least strength that would have been."""
     out = list[Undetectable]()
-    least = max(float(np.sqrt(2.0 * found.needed(SURE))), CERTAIN)
+    least = max(float(np.sqrt(2.0 * found.chance.needed(SURE))), CERTAIN)
     for s in found.found:
         c = s.candidate
         if c.key in skipped or c.signals or not c.strengths or c.onset is not None:

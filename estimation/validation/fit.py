@@ -17,8 +17,8 @@ def output_fit(
     """Fit of one output, over the samples that are there; shapes (n,).
 
     errors: standardised prediction errors of a smoothed output (`innovations.py`), NaN where there is none, for which `chosen` ratios of
-    weights were left to the data; without them measured minus modelled is tested, which is right where no sample was used. far: samples
-    that a robust loss found far off.
+    weights were left to the data, and which speak for all samples; without them measured minus modelled is tested, which is right where no
+    sample was used. far: samples that a robust loss found far off.
     """
     difference = measured - modelled
     there = np.isfinite(difference)
@@ -35,7 +35,7 @@ def output_fit(
         fit_percent=percent,
         whiteness_p=p,
         normality_p=normality(tested),
-        effective_samples=None if p is None else effective_samples(tested),
+        effective_samples=None if p is None else effective_samples(tested) * there.sum() / np.isfinite(tested).sum(),
         samples=int(there.sum()),
         prediction_rms=None if errors is None or not np.isfinite(errors).any() else float(np.sqrt(np.nanmean(errors**2))),
         trimmed=trimmed,

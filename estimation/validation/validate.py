@@ -13,6 +13,7 @@ from backsight.ocp import Solution
 
 from ..recordings.recording import Recording
 from ..results import Companion, Criteria, Memory, OutputFit
+from ..smoothing.rest import rows_near_rest
 from ..smoothing.robust import RobustSolution
 from .autocorrelation import memory
 from .criteria import criteria
@@ -24,6 +25,7 @@ from .patterns import CONSTANT, QUIET, companion, differing, own_states
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
 
+HALF = 0.5  # of the samples: where more are near rest, none is left out
 ROWS = 20_000  # enough for a correlation
 
 
@@ -31,6 +33,7 @@ ROWS = 20_000  # enough for a correlation
 class Validation:
     """errors: recording -> output -> standardised prediction errors (n,), pieces one after the other. force_p: place -> p of whiteness.
 
+    Samples near rest have none: a rounded sign creeps there, which makes errors that are coloured of every model, be it ever so right.
     far: recording -> output -> the samples that a robust loss found far off (n,); empty where all losses are squares. All are empty where
     the solution is no minimum. weighed: whether weights were chosen from the data.
     """
@@ -61,7 +64,7 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
     if filtered is None or tested is None:
         return Validation(weighed=weighed)
     dae = solution.transcription.dae
-    runs = [run.errors for run in tested.horizons]
+    runs = _while_moving(solution, [run.errors for run in tested.horizons])
     starts = np.cumsum([len(run) for run in runs])[:-1]
     far = np.split(solution.far.T, starts) if isinstance(solution, RobustSolution) else []
 
@@ -77,6 +80,14 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
         force_p={dae.places[k].name: p for k, p in force_whiteness(solution, tested).items()},
         weighed=weighed,
     )
+
+
+def _while_moving(solution: Solution, errors: Sequence[Array]) -> list[Array]:
+    """Errors (n, ny) of every horizon without those near rest; as they are where that is more than half of them."""
+    resting = [np.any([np.zeros(len(e), bool), *rows_near_rest(solution, k).values()], axis=0) for k, e in enumerate(errors)]
+    if np.concatenate(resting).mean() > HALF:
+        return list(errors)
+    return [np.where(rest[:, None], np.nan, e) for rest, e in zip(resting, errors, strict=True)]
 
 
 def remembered(place: str, estimates: Mapping[str, pd.DataFrame]) -> Memory | None:

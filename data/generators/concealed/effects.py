@@ -76,6 +76,11 @@ class Effect:
     absent: tuple[str, ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def silent(self) -> "Effect":
+        """The same with nothing concealed: a machine without what its model does not have either."""
+        return Effect(place=self.place, physics=self.physics, values=dict.fromkeys(self.absent, 0.0), absent=self.absent)
+
     def acts(self, t: float) -> bool:
         """Whether it does in a row that begins at t [s]."""
         return self.onset is None or t >= self.onset

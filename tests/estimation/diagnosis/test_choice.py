@@ -13,6 +13,7 @@ from concealed_axis import posed, run
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal
+from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
     beyond,
@@ -50,7 +51,7 @@ def screened(place: str, physics: str, gain: float, size: int = 1) -> Screened:
 
 
 def screen(*found: Screened) -> Screen:
-    return Screen(found=found, looks=Counter({1: len(found)}), G=np.empty((0, 0)), plain=np.empty(0), columns=())
+    return Screen(found=found, chance=Chance(looks=Counter({1: len(found)})), G=np.empty((0, 0)), plain=np.empty(0), columns=())
 
 
 def test_friction_that_may_hold_an_unseen_body_is_fitted_whatever_its_score_and_once():

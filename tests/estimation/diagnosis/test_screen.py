@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -36,9 +36,23 @@ class Regression:
     def intervals(self) -> np.ndarray:
         return np.arange(len(self.r))
 
+    def drawn(self, seed: int, draws: int) -> Drawn:
+        return Drawn(self, np.random.default_rng([5, seed]).standard_normal((len(self.r), draws)))
+
     def scores(self, columns: Columns) -> Scores:
         S = self.effects(columns)
         return Scores(b=S.T @ self.r, G=S.T @ S, plain=np.sum(columns.squares**2, axis=0))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Scores of rows that were drawn."""
+
+    base: Regression
+    rows: np.ndarray
+
+    def b(self, columns: Columns) -> np.ndarray:
+        return self.base.effects(columns).T @ self.rows
 
 
 def look(columns: np.ndarray, of: Candidate | None = None, **given) -> Look:
@@ -74,7 +88,7 @@ def test_the_best_shape_of_a_candidate_is_kept_and_every_look_counted():
     assert len(found.found) == 2
     assert found.found[0].look.columns.squares is not None
     assert np.array_equal(found.found[0].look.columns.squares, right)
-    assert found.looks == {1: 2, 2: 1}
+    assert found.chance.looks == {1: 2, 2: 1}
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -112,12 +126,10 @@ def test_the_chance_of_a_gain_is_an_upper_limit_and_near_to_what_draws_give():
     gains = np.array([max(s.gain for s in found) for found in tops])
     judge = screen(regression(0), looks)
     for chance in (0.3, 0.1, 0.05):
-        seen = np.mean(gains > judge.needed(chance))
+        seen = np.mean(gains > judge.chance.needed(chance))
         assert 0.6 * chance - 0.01 < seen < chance + 3 * np.sqrt(chance / len(gains))
-        assert judge.chance(judge.needed(chance)) == pytest.approx(chance, rel=1e-6)
-    alone = screen(regression(0), looks[:1])
-    assert alone.chance(2.0) == pytest.approx(chi2.sf(4.0, 1))
-    assert judge.chance(1e-9) == 1.0
+        assert judge.chance.of(judge.chance.needed(chance)) == pytest.approx(chance, rel=1e-6)
+    assert judge.chance.of(1e-9) == pytest.approx(1.0, abs=0.01)
 
 
 def test_two_names_of_one_effect_are_alike_and_others_are_as_their_angle():
@@ -144,7 +156,7 @@ def test_what_parameters_can_take_over_wholly_is_not_told():
     base = regression(0)
     found = screen(base, [look(base.J @ np.ones((4, 1))), look(np.random.default_rng(1).standard_normal((ROWS, 1)))])
     assert len(found.found) == 1
-    assert found.looks == {1: 1}
+    assert found.chance.looks == {1: 1}
 
 
 def test_a_strength_that_is_told_once_counts_once():
@@ -163,8 +175,8 @@ def test_gain_of_some_columns_and_a_screen_of_nothing():
     assert gain(scores, [0, 2]) == pytest.approx(screen(base, [look(S[:, [0, 2]])]).found[0].gain)
     nothing = screen(base, [])
     assert nothing.found == ()
-    assert nothing.chance(1.0) == 0.0
-    assert replace(nothing).needed(0.05) == 0.1
+    assert nothing.chance.of(1.0) == 0.0
+    assert nothing.chance.needed(0.05) == 0.1
     assert isinstance(nothing, Screen)
 
 

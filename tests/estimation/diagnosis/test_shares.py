@@ -83,7 +83,7 @@ def test_little_is_left_over_of_a_model_that_lacks_nothing_and_what_lacks_is(axi
 
 def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
     _, sizes, _, found = axis
-    least = max(np.sqrt(2 * found.needed(SURE)), CERTAIN)
+    least = max(np.sqrt(2 * found.chance.needed(SURE)), CERTAIN)
     out = {(u.place, u.physics): u for u in limits(found, sizes, actuator(), {("carriage", "cogging")})}
     assert ("carriage", "cogging") not in out  # it was found
     assert ("input:F", "input_lag") not in out
@@ -110,5 +110,5 @@ def test_an_effect_at_its_limit_is_seen_and_one_at_a_tenth_of_it_is_not(axis):
         c = [c for c in library(problem, problem.model, result.solution) if c.key == ("carriage", "quadratic_drag")]
         base = Linearised(result.solution)
         gains.append(screen(base, looked_at(problem, problem.model, base, c)).found[0].gain)
-    needed = found.needed(SURE)
+    needed = found.chance.needed(SURE)
     assert gains[0] < needed < gains[1]

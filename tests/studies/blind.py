@@ -1,0 +1,98 @@
+"""Concealed cases, diagnosed blind: the command on a copy of a case, its answer against the truth, and how sure a rate is."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from scipy.stats import beta
+
+DEFINITE = ("parameter", "sensor", "input", "missing_physics")
+
+
+def run(case: Path, out: Path, limit: float) -> None:
+    """The command on a copy of a case; what came of it in `out`."""
+    began, status = time.perf_counter(), "ok"
+    with tempfile.TemporaryDirectory() as folder:
+        copy, results = Path(folder) / "case", Path(folder) / "out"
+        shutil.copytree(case, copy)
+        command = [sys.executable, "-c", "import sys; from backsight.estimation.command.cli import main; sys.exit(main())"]
+        command += ["diagnose", str(copy / "study.toml"), "--out", str(results), "--quiet", "--jobs", "1"]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+            status = "ok" if done.returncode == 0 else f"status {done.returncode}: {done.stderr.strip()[-300:]}"
+        except subprocess.TimeoutExpired:
+            status = "too long"
+        found = results / "result.json"
+        answer = json.loads(found.read_text(encoding="utf-8")) if found.exists() else {}
+    kept = {key: answer.get(key) for key in ("verdict", "findings", "held_out", "not_detectable", "tried", "notes")}
+    half = out.with_suffix(".half")
+    half.write_text(json.dumps({"status": status, "seconds": time.perf_counter() - began, "answer": kept}), encoding="utf-8")
+    half.replace(out)
+
+
+def judge(truth: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:
+    """What was right in one answer."""
+    answer = kept["answer"]
+    verdict, findings = answer.get("verdict"), answer.get("findings") or []
+    clean = truth["verdict"] == "none"
+    right = verdict in (truth["verdict"], *truth.get("verdict_also", ()))
+    row: dict[str, Any] = {
+        "plant": truth["plant"],
+        "kind": truth["kind"],
+        "strength": truth["strength"],
+        "truth": truth["verdict"],
+        "verdict": verdict,
+        "right": right,
+        "seconds": kept["seconds"],
+        "status": kept["status"],
+        "alarm": verdict not in (None, "none"),
+        "gain": (answer.get("held_out") or {}).get("improvement_percent"),
+    }
+    if clean:
+        return row
+    effects = truth["effects"]
+    named = [(f.get("place"), f.get("physics")) for f in findings]
+    also = [(r.get("place"), r.get("physics")) for f in findings for r in f.get("ambiguous_with") or []]
+    place, inside, member, errors, covers = 0, 0, 0, [], []
+    for effect in effects:
+        good = [tuple(pair) for pair in effect["acceptable"]]
+        places = {p for p, _ in good}
+        first = named[: len(effects)]
+        if truth["verdict"] == "parameter":
+            text = json.dumps(findings[:1])
+            place, inside, member = (
+                place + (effect["physics"] in text),
+                inside + (effect["physics"] in text),
+                member + (effect["physics"] in text),
+            )
+            continue
+        place += any(p in places for p, _ in first)
+        inside += any(p in places for p, _ in named + also)
+        hit = next((f for f, pair in zip(findings, named, strict=True) if pair in good), None)
+        member += hit is not None or (truth["verdict"] == "unknown_physics" and verdict == "unknown_physics")
+        for name, true in effect["parameters"].items() if hit and hit.get("physics") == effect["physics"] else ():
+            value = (hit["parameters"].get(name) or {}).get("value")
+            std = (hit["parameters"].get(name) or {}).get("std")
+            if value is not None:
+                errors.append(abs(abs(value) - abs(true["value"])) / abs(true["value"]))
+                covers.append(std is not None and abs(abs(value) - abs(true["value"])) <= 2 * std)
+    n = len(effects)
+    row |= {"place": place / n, "inside": inside / n, "member": member / n, "errors": errors, "covers": covers}
+    row["confident_and_wrong"] = verdict in DEFINITE and (not right or inside == 0)
+    return row
+
+
+def limits(k: int, n: int) -> str:
+    """A count, its share, and the limits of that."""
+    if not n:
+        return "-"
+    low = beta.ppf(0.05, k, n - k + 1) if k else 0.0
+    high = beta.ppf(0.95, k + 1, n - k) if k < n else 1.0
+    return f"{k}/{n} = {100 * k / n:.0f} %  ({100 * low:.0f} .. {100 * high:.0f})"
