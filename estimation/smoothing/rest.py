@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_propagation
+from scipy.ndimage import binary_closing, binary_propagation
 
 from backsight.models import Dae
 from backsight.ocp import Solution
@@ -34,6 +34,7 @@ OTHER = 1.02  # times a width: what evidence would notice
 RESTS = 0.3  # of the velocities, that are slow where a body rests and does not only turn
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
+BETWEEN = 3  # intervals from one near rest to the next, at most, that are near rest, too
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 ANY_ROOM = 1.01  # the same from which on it has room at all
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
@@ -167,7 +168,8 @@ def open_at_rest(
     A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h), or what
     brings a coloured force there within it. An interval is near rest when the velocity of a law falls below its own change over the
     interval, or below NEAR widths; and from there on as long as it cannot be told from zero: while a body stands still, its estimated
-    velocity is noise, of which the law would make forces of either sign.
+    velocity is noise, of which the law would make forces of either sign. So are a few intervals between two of these: where noise is large
+    once, a body would break away there against its law, and two such intervals in thousands would settle the weight of all of them.
 
     known: place -> strength of its laws together, where that is not to be theirs (`strengths_at_rest`).
     """
@@ -183,6 +185,7 @@ def open_at_rest(
             least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
             slow = least <= NEAR * parameters[law.width]
             near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt))
+            near |= binary_closing(near, np.ones(BETWEEN + 1))
             for place, f in zip(law.places, strength, strict=True):
                 if place in soft:
                     part[soft.index(place), near] += max(f, TINY) * std_of_one(problem.dae, place, np.diff(own))[near]

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
@@ -116,6 +117,27 @@ def test_room_reaches_as_far_as_the_velocity_cannot_be_told_from_zero():
     assert opened.min() == pytest.approx(0.3, abs=0.011)
     assert opened.max() == pytest.approx(0.7, abs=0.011)
     assert len(opened) == pytest.approx(0.4 * len(middle), abs=2)
+
+
+@pytest.mark.parametrize(("count", "opened"), [(1, True), (3, True), (4, False), (9, False)])
+def test_a_few_intervals_between_two_near_rest_have_room_as_well(count, opened):
+    """At rest but for a velocity of 0.3 m/s over some intervals, which comes and goes within one."""
+    time = np.linspace(0.0, 1.0, 101)
+    recording = Recording(name="axis", time=time, inputs={"F": np.zeros(101)}, outputs={"x": np.zeros(101)}, output_std={"x": 2e-6})
+    problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
+    begun = followed(recording)
+    t, knots = begun.transcription, begun.transcription.horizons[0].mesh.knots
+    nx, v = t.nlp.interpolation.states, np.zeros(len(knots))
+    v[40 : 41 + count] = 0.3
+    names, decisions = [q.name for q in DAE.states], np.zeros(t.nlp.size)
+    for name, course in (("carriage.s", cumulative_trapezoid(v, knots, initial=0.0)), ("carriage.v", v)):
+        i = names.index(name)
+        decisions[t.nlp.index[i]], decisions[t.nlp.index[i - nx]] = course[:-1], course[1:]
+    there = replace(begun, decisions=decisions, covariance=None)
+    std = open_at_rest(problem, friction_laws(problem), there, [knots], (0,), problem.values)
+    assert np.all(std[0, :40] > 0)
+    assert np.all(std[0, 41 + count :] > 0)
+    assert np.all((std[0, 40 : 40 + count] > 0) == opened)
 
 
 def test_a_friction_that_is_fixed_at_zero_is_no_law():
