@@ -1,5 +1,6 @@
 # make demo    the built-in study, end to end: what does its model leave out? Its report is demo_out/report.html
 # make prove   concealed cases of all plants, diagnosed blind, and the scorecard (hours; prove_out/ keeps what is done)
+# make calibrate  false alarms on clean recordings, and power against strength (hours; calibrate_out/ keeps what is done)
 # make test    lint, types, every test once: quick ones on the built wheel in a bare environment, the others here
 # make lint | types | unit | slow | cover | wheel | bench | lock | clean
 #
@@ -20,7 +21,7 @@ CANDIDATES := python3.13 python3.12 python3.11 python3.14 python3 python
 PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	if $$p -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then command -v $$p; break; fi; done)
 
-.PHONY: help demo test lint types unit slow cover wheel bench prove lock clean
+.PHONY: help demo test lint types unit slow cover wheel bench prove calibrate lock clean
 .DELETE_ON_ERROR:
 
 help:
@@ -68,6 +69,9 @@ bench: $(VENV)/.installed
 
 prove: $(VENV)/.installed
 	$(BIN)/python tests/studies/prove.py --out prove_out
+
+calibrate: $(VENV)/.installed
+	$(BIN)/python tests/studies/calibrate.py --out calibrate_out
 
 lock: $(BUILD)/lock/.installed
 	$(BUILD)/lock/bin/uv pip compile --universal --python-version 3.11 --fork-strategy fewest --generate-hashes --all-extras \

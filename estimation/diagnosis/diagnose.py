@@ -58,9 +58,9 @@ def diagnose(
     """Find what the model of a problem leaves out, name it, put it into the model, and prove the gain on what was held out.
 
     jobs: processes of this machine; scheduler: address of a Dask cluster instead. keep: a folder where finished fits stay, so that an
-    interrupted diagnosis goes on. seed: goes into the results; nothing is drawn yet. seconds: after which the search ends with what it has
-    and says so; the proof comes after it and has a limit of its own. Raises InputError where the problem cannot be smoothed at all, or its
-    model is not made of components.
+    interrupted diagnosis goes on. seed: of what is drawn, which is how likely a gain is by chance. seconds: after which the search ends
+    with what it has and says so; the proof comes after it and has a limit of its own. Raises InputError where the problem cannot be
+    smoothed at all, or its model is not made of components.
     """
     began, end, say = time.perf_counter(), time.time() + seconds, progress or (lambda _: None)
     problem, late = without_delays(problem)
@@ -84,6 +84,7 @@ def diagnose(
             result=first,
             fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, better), say=say, end=end),
             settings=settings,
+            seed=seed,
             held=tuple(steadied.recordings) if straight else None,
         )
         search.run()

@@ -76,8 +76,8 @@ INCOMPARABLE = (
 class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
 
-    fits: where candidates are fitted, and until when; settings: of these. held: recordings whose inputs are held, as a
-    study has them, where straight ones were better for the model as it is. compared: whether models could be.
+    fits: where candidates are fitted, and until when; settings: of these; seed: of what is drawn. held: recordings whose inputs are held,
+    as a study has them, where straight ones were better for the model as it is. compared: whether models could be.
     """
 
     problem: Problem
@@ -85,6 +85,7 @@ class Search:
     result: Smoothing
     fits: Fits
     settings: Settings = QUICKLY
+    seed: int = 0
     findings: list[Finding] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
@@ -236,7 +237,7 @@ class Search:
         base = Linearised(self.result.solution)
         candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
         looks = looked_at(self.problem, self.model, base, candidates)
-        found, sizes = screen(base, looks, late(base, looks)), Sizes(self.problem, self.result, base)
+        found, sizes = screen(base, looks, late(base, looks), seed=self.seed), Sizes(self.problem, self.result, base)
         self.left = sizes.left
         self.first_left = self.first_left or sizes.left
         return base, candidates, found, sizes

@@ -185,7 +185,7 @@ def open_at_rest(
             least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
             slow = least <= NEAR * parameters[law.width]
             near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt))
-            near |= binary_closing(near, np.ones(BETWEEN + 1))
+            near |= binary_closing(near, np.ones(BETWEEN + 1, dtype=np.bool_))
             for place, f in zip(law.places, strength, strict=True):
                 if place in soft:
                     part[soft.index(place), near] += max(f, TINY) * std_of_one(problem.dae, place, np.diff(own))[near]

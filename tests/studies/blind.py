@@ -31,10 +31,15 @@ def run(case: Path, out: Path, limit: float) -> None:
             status = "too long"
         found = results / "result.json"
         answer = json.loads(found.read_text(encoding="utf-8")) if found.exists() else {}
-    kept = {key: answer.get(key) for key in ("verdict", "findings", "held_out", "not_detectable", "tried", "notes")}
     half = out.with_suffix(".half")
-    half.write_text(json.dumps({"status": status, "seconds": time.perf_counter() - began, "answer": kept}), encoding="utf-8")
+    half.write_text(json.dumps(kept_of(answer, status, time.perf_counter() - began)), encoding="utf-8")
     half.replace(out)
+
+
+def kept_of(answer: dict[str, Any], status: str, seconds: float) -> dict[str, Any]:
+    """What is kept of result.json."""
+    kept = {key: answer.get(key) for key in ("verdict", "findings", "held_out", "not_detectable", "tried", "notes")}
+    return {"status": status, "seconds": seconds, "answer": kept}
 
 
 def judge(truth: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,70 @@
+"""Chances of gains: against the draws of a linear smoothing problem, against independent and against equal looks."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from concealed_axis import smoothed
+from scipy.stats import chi2
+
+from backsight.estimation.diagnosis.chance import LEAST, Chance
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.score import Columns
+from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.supermodel import looked_at
+
+RNG = np.random.default_rng(3)
+
+
+def largest(looks: int, copies: int, draws: int) -> np.ndarray:
+    """Largest gain (draws,) of `looks` independent ones, every one counted `copies` times."""
+    return chi2.rvs(1, size=(looks, draws), random_state=RNG).max(axis=0) / 2
+
+
+@pytest.mark.parametrize(("looks", "copies"), [(30, 1), (30, 20), (400, 5)])
+def test_as_many_looks_count_as_have_something_of_their_own(looks: int, copies: int) -> None:
+    chance = Chance(looks=Counter({1: looks * copies}), most=largest(looks, copies, 400))
+    assert chance.share == pytest.approx(1 / copies, rel=0.15)
+    fresh = largest(looks, copies, 20_000)
+    for p in (0.2, 0.05, 0.01):
+        assert np.mean(fresh > chance.needed(p)) == pytest.approx(p, rel=0.25)
+        assert chance.of(chance.needed(p)) == pytest.approx(p)
+
+
+def test_without_draws_it_is_the_bound_and_without_looks_nothing_is_by_chance() -> None:
+    bound = Chance(looks=Counter({1: 3, 2: 1}))
+    g = 9.0
+    assert bound.share == 1.0
+    assert bound.of(g) == pytest.approx(3 * chi2.sf(2 * g, 1) + chi2.sf(2 * g, 2), rel=1e-3)
+    assert bound.of(LEAST) < 1.0
+    assert Chance(looks=Counter()).of(1.0) == 0.0
+    assert Chance(looks=Counter()).needed(0.05) == LEAST
+
+
+def test_a_library_whose_looks_are_alike_is_never_worse_than_its_bound() -> None:
+    assert Chance(looks=Counter({1: 5}), most=np.full(10, 12.0)).share == 1.0  # by chance larger than they should be
+
+
+def test_scores_of_drawn_rows_vary_as_their_information_says() -> None:
+    problem, result, base = smoothed()
+    some = [c for c in library(problem, problem.model, result.solution) if c.place in ("carriage", "sensor:x")]
+    every = Columns.joined([k.columns for k in looked_at(problem, problem.model, base, some)])
+    scores = base.scores(every)
+    columns = every.taken(np.flatnonzero(np.diag(scores.G) > 1e-6 * scores.plain)[:16].tolist())
+    G = base.scores(columns).G
+    size = np.sqrt(np.diag(G))
+    b = base.drawn(5, 4000).b(columns) / size[:, None]
+    assert np.abs(b @ b.T / b.shape[1] - G / np.outer(size, size)).max() < 5 / np.sqrt(b.shape[1])
+    assert np.array_equal(base.drawn(5, 8).b(columns), base.drawn(5, 8).b(columns))
+    assert not np.allclose(base.drawn(5, 8).b(columns), base.drawn(6, 8).b(columns))
+
+
+def test_the_library_of_an_axis_has_far_fewer_effects_than_looks() -> None:
+    problem, result, base = smoothed()
+    found = screen(base, looked_at(problem, problem.model, base, library(problem, problem.model, result.solution)))
+    looks = sum(found.chance.looks.values())
+    assert 5 < found.chance.share * looks < 0.8 * looks
+    assert found.chance.needed(0.05) < Chance(looks=found.chance.looks).needed(0.05)
+    assert found.chance.of(found.found[0].gain) > 1e-3  # nothing is missing
