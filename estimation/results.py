@@ -75,10 +75,10 @@ class OutputFit:
     """How well one output is met.
 
     rms [unit of the output] of measured minus smoothed; fit_percent 100 (1 - |e|/|y - mean y|). Of the standardised prediction errors
-    (`validation/innovations.py`; not near rest), or of measured minus modelled where nothing was smoothed: whiteness_p and normality_p,
-    chances of what is seen if they are white, and normal; effective_samples: how many independent ones of `samples` their mean is worth;
-    prediction_rms: 1 where the weights are right; None where nothing was smoothed. trimmed: the same fit without its outliers; None where
-    no loss expects any, or none was found.
+    (`validation/innovations.py`), or of measured minus modelled where nothing was smoothed: whiteness_p and normality_p, chances of what
+    is seen if they are white, and normal, of a machine that rests now and then while it moves; effective_samples: how many independent
+    ones of `samples` their mean is worth; prediction_rms: 1 where the weights are right; None where nothing was smoothed. trimmed: the
+    same fit without its outliers; None where no loss expects any, or none was found.
     """
 
     rms: float

@@ -6,11 +6,16 @@ Where nothing is missing twice the gain of a look is chi squared, and that of as
 
 which counts two hundred wave numbers, or dates when something may set in, as if they had nothing in common. Rows are drawn instead, scored
 by all looks as those of the recordings are (a parametric bootstrap of the linearised problem), and the largest gain g_k of every draw tells
-what share of the bound is true. With bound(g) exponential of rate kappa, as the least of many independent chances is,
+what share of the bound is true. Were the looks a few independent ones, each many times, bound(g_k) would be exponential of rate kappa, and
 
-    p(g) = 1 - exp(-kappa bound(g)),        kappa = 1 / mean of bound(g_k)
+    p(g) = 1 - exp(-kappa bound(g))
 
-(P. H. Westfall, S. S. Young, Resampling-based multiple testing, 1993; one number for the library, since few draws tell a tail.)
+(P. H. Westfall, S. S. Young, Resampling-based multiple testing, 1993). Looks that are only related have more of their own the larger a
+gain: kappa is that of the m largest gains of n, by the likelihood of exponentials of which the others are only known to be larger,
+
+    kappa = m / (sum_(k <= m) b_k + (n - m) b_m),     b_k = bound(g_k), the least first
+
+Far beyond what was drawn p is too small by the factor 1/kappa at most.
 """
 
 from __future__ import annotations
@@ -26,7 +31,8 @@ from scipy.stats import chi2
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-DRAWS = 64  # tell the share to an eighth
+DRAWS = 256
+TAIL = 0.125  # of the draws, those with the largest gains, that tell the share: to a sixth
 LEAST, MOST = 0.1, 1e3  # nats, between which gains are looked for
 
 
@@ -45,8 +51,9 @@ class Chance:
     @cached_property
     def share(self) -> float:
         """kappa: of the looks, as many as have something of their own."""
-        mean = float(self.bound(self.most).mean()) if len(self.most) else 0.0
-        return min(1.0, 1.0 / mean) if mean > 0 else 1.0
+        b, m = np.sort(self.bound(self.most)), round(TAIL * len(self.most))
+        waited = float(b[:m].sum() + (len(b) - m) * b[m - 1]) if m else 0.0
+        return min(1.0, m / waited) if waited > 0 else 1.0
 
     def of(self, gain: float) -> float:
         """As much gain anywhere in the library if nothing is missing."""

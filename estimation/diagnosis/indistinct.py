@@ -37,7 +37,7 @@ def indistinct(best: Judged, others: Sequence[Judged]) -> list[Judged]:
     there = Linearised(f.worth.solution)
     again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if _name(d) in asked]
     looks = looked_at(f.problem, f.model, there, again)
-    told = {_name(o.candidate): o.std for o in screen(there, looks).found}
+    told = {_name(o.candidate): o.std for o in screen(there, looks, draws=0).found}
     offered = {_name(look.candidate) for look in looks}
     return [one for name, one in asked.items() if name in offered and not _stands_out(one, told.get(name))]
 

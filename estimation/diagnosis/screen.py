@@ -89,16 +89,16 @@ class Screen:
         return float(np.linalg.svd(cross, compute_uv=False).min()) if cross.size else 0.0
 
 
-def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0) -> Screen:
-    """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed: of what is drawn."""
+def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0, draws: int = DRAWS) -> Screen:
+    """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed, draws: of chances."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
-    drawn, most = dict[int, Drawn](), np.zeros(DRAWS)
+    drawn, most = dict[int, Drawn](), np.zeros(draws)
     for batch, at_rest in _batches(chain(told(base, looks), late)):
         there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
         scores, first = there.scores(joined), 0
-        if id(there) not in drawn:
-            drawn[id(there)] = there.drawn(seed, DRAWS)
-        b = drawn[id(there)].b(joined)
+        if draws and id(there) not in drawn:
+            drawn[id(there)] = there.drawn(seed, draws)
+        b = drawn[id(there)].b(joined) if draws else np.empty((len(scores.b), 0))
         for look in batch:
             at = np.arange(first, first + len(look.columns))
             first += len(look.columns)

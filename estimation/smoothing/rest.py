@@ -34,7 +34,7 @@ OTHER = 1.02  # times a width: what evidence would notice
 RESTS = 0.3  # of the velocities, that are slow where a body rests and does not only turn
 NEAR = 4.0  # widths: where the rounded sign is one to 0.1 %
 DOUBT = 3.0  # standard deviations of a velocity within which its sign is not known
-BETWEEN = 3  # intervals from one near rest to the next, at most, that are near rest, too
+BETWEEN, LARGE_DOUBT = 3, 9.0  # intervals at most between two near rest that are so, too, and standard deviations of a velocity there
 ROOMY = 2.0  # the same from which on an interval counts as near rest: measured inputs differ less, and that is not for rest
 ANY_ROOM = 1.01  # the same from which on it has room at all
 SHARP = 1e-6  # width over the rms of the velocity at which a sign is not rounded at all; its inverse: nothing is left of it
@@ -168,8 +168,8 @@ def open_at_rest(
     A body at rest is held by any force up to the law's strength f, so a force of that size acts over an interval h: f sqrt(h), or what
     brings a coloured force there within it. An interval is near rest when the velocity of a law falls below its own change over the
     interval, or below NEAR widths; and from there on as long as it cannot be told from zero: while a body stands still, its estimated
-    velocity is noise, of which the law would make forces of either sign. So are a few intervals between two of these: where noise is large
-    once, a body would break away there against its law, and two such intervals in thousands would settle the weight of all of them.
+    velocity is noise, of which the law would make forces of either sign. So are a few intervals between two of these, where noise is large
+    for once: a body would break away there against its law, and two such intervals in thousands would settle the weight of all of them.
 
     known: place -> strength of its laws together, where that is not to be theirs (`strengths_at_rest`).
     """
@@ -181,16 +181,21 @@ def open_at_rest(
             times = np.concatenate([own[:-1], (own[1:] + own[:-1]) / 2, own[1:]])
             v = along(problem.dae, problem.dae.variables[law.velocity], followed, number, times, parameters).reshape(3, -1)
             change = v.max(axis=0) - v.min(axis=0)
-            doubt = DOUBT * _velocity_std(problem, law, followed, number, times, parameters).reshape(3, -1).max(axis=0)
+            std = _velocity_std(problem, law, followed, number, times, parameters).reshape(3, -1).max(axis=0)
             least = np.where(np.sign(v.max(axis=0)) != np.sign(v.min(axis=0)), 0.0, np.abs(v).min(axis=0))
             slow = least <= NEAR * parameters[law.width]
-            near = (least <= change) | binary_propagation(slow, mask=slow | (least <= doubt))
-            near |= binary_closing(near, np.ones(BETWEEN + 1, dtype=np.bool_))
+            resting = binary_propagation(slow, mask=slow | (least <= DOUBT * std))
+            near = (least <= change) | resting | (_closed(resting, BETWEEN) & (least <= LARGE_DOUBT * std))
             for place, f in zip(law.places, strength, strict=True):
                 if place in soft:
                     part[soft.index(place), near] += max(f, TINY) * std_of_one(problem.dae, place, np.diff(own))[near]
         parts.append(part)
     return np.hstack(parts)
+
+
+def _closed(there: Room, gap: int) -> Room:
+    """With gaps of so many at most, between two that are there, filled."""
+    return np.asarray(binary_closing(np.pad(there, gap + 1), np.ones(gap + 1, dtype=np.bool_))[gap + 1 : -gap - 1], dtype=np.bool_)
 
 
 def _together(laws: tuple[FrictionLaw, ...], strengths: list[list[float]], known: Mapping[int, float]) -> list[list[float]]:

@@ -25,7 +25,7 @@ from .patterns import CONSTANT, QUIET, companion, differing, own_states
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
 
-HALF = 0.5  # of the samples: where more are near rest, none is left out
+HALF = 0.5  # of a recording's samples: where more are near rest, none is left out
 ROWS = 20_000  # enough for a correlation
 
 
@@ -33,12 +33,14 @@ ROWS = 20_000  # enough for a correlation
 class Validation:
     """errors: recording -> output -> standardised prediction errors (n,), pieces one after the other. force_p: place -> p of whiteness.
 
-    Samples near rest have none: a rounded sign creeps there, which makes errors that are coloured of every model, be it ever so right.
+    still: recording -> the samples near rest (n,), of which no test is made: a rounded sign creeps there, which makes errors that are
+    coloured of every model, be it ever so right; none of a recording where more than half are.
     far: recording -> output -> the samples that a robust loss found far off (n,); empty where all losses are squares. All are empty where
     the solution is no minimum. weighed: whether weights were chosen from the data.
     """
 
     errors: dict[str, dict[str, Array]] = field(default_factory=dict)
+    still: dict[str, Mask] = field(default_factory=dict)
     far: dict[str, dict[str, Mask]] = field(default_factory=dict)
     criteria: Criteria | None = None
     force_p: dict[str, float] = field(default_factory=dict)
@@ -53,7 +55,8 @@ class Validation:
             smoothed, far = table[name].to_numpy(), np.zeros(len(y), dtype=bool)
             if (found := self.far.get(recording.name, {}).get(name)) is not None:
                 far[np.flatnonzero(np.isfinite(smoothed))[found]] = True  # a row of no piece has no estimate
-            out[name] = output_fit(y, smoothed, errors, int(self.weighed), far)
+            still = self.still.get(recording.name, np.zeros(len(errors), dtype=bool))
+            out[name] = output_fit(y, smoothed, errors, int(self.weighed), far, still)
         return out
 
 
@@ -64,7 +67,7 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
     if filtered is None or tested is None:
         return Validation(weighed=weighed)
     dae = solution.transcription.dae
-    runs = _while_moving(solution, [run.errors for run in tested.horizons])
+    runs = [run.errors for run in tested.horizons]
     starts = np.cumsum([len(run) for run in runs])[:-1]
     far = np.split(solution.far.T, starts) if isinstance(solution, RobustSolution) else []
 
@@ -75,6 +78,7 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
 
     return Validation(
         errors=told(runs),
+        still=_still(solution, recordings),
         far=told(far) if far else {},
         criteria=criteria(solution, filtered),
         force_p={dae.places[k].name: p for k, p in force_whiteness(solution, tested).items()},
@@ -82,12 +86,13 @@ def validate(solution: Solution, recordings: Sequence[str], *, weighed: bool) ->
     )
 
 
-def _while_moving(solution: Solution, errors: Sequence[Array]) -> list[Array]:
-    """Errors (n, ny) of every horizon without those near rest; as they are where that is more than half of them."""
-    resting = [np.any([np.zeros(len(e), bool), *rows_near_rest(solution, k).values()], axis=0) for k, e in enumerate(errors)]
-    if np.concatenate(resting).mean() > HALF:
-        return list(errors)
-    return [np.where(rest[:, None], np.nan, e) for rest, e in zip(resting, errors, strict=True)]
+def _still(solution: Solution, recordings: Sequence[str]) -> dict[str, Mask]:
+    """Recording -> its samples near rest (n,), at any place; none where these are more than half."""
+    found: dict[str, list[Mask]] = {name: [] for name in recordings}
+    for k, (name, horizon) in enumerate(zip(recordings, solution.transcription.horizons, strict=True)):
+        found[name].append(np.any([np.zeros(len(horizon.time), dtype=bool), *rows_near_rest(solution, k).values()], axis=0))
+    joined = {name: np.concatenate(parts) for name, parts in found.items()}
+    return {name: still & (still.mean() <= HALF) for name, still in joined.items()}
 
 
 def remembered(place: str, estimates: Mapping[str, pd.DataFrame]) -> Memory | None:

@@ -38,14 +38,18 @@ SUSPECTS = ("parameter", "sensor", "actuator")
 
 
 @contextmanager
-def without(stage: str) -> Iterator[None]:
-    """`diagnose` with a stage left out."""
+def without(stage: str, held: set[str]) -> Iterator[None]:
+    """`diagnose` with a stage left out; held: parameters of which nobody doubts the values."""
     from backsight.estimation.diagnosis import chance, library, search
     from backsight.estimation.smoothing import meshing, program, work
     from backsight.estimation.smoothing.mesh_error import Checked
 
     def physics(*given: Any, **named: Any) -> list[Any]:
         return [c for c in library.library(*given, **named) if c.family not in SUSPECTS]
+
+    def unheld(problem: Any, *given: Any, **named: Any) -> list[Any]:
+        found = library.library(problem, *given, **named)
+        return [c for c in found if c.family != "parameter" or not held & {*c.strengths, *c.start}]
 
     def coarse(problem: Any, *given: Any) -> Any:
         *rest, _, finest = given
@@ -60,6 +64,8 @@ def without(stage: str) -> Iterator[None]:
             stack.enter_context(patch.object(chance.Chance, "share", 1.0))
         elif stage == "rivals":
             stack.enter_context(patch.object(search, "library", physics))
+        elif stage == "own":
+            stack.enter_context(patch.object(search, "library", unheld))
         elif stage == "rest":
             stack.enter_context(patch.object(program, "open_at_rest", none))
             stack.enter_context(patch.object(work, "wants_room", lambda *_: False))
@@ -77,12 +83,11 @@ def one(study: Path, out: Path, stage: str) -> None:
 
     read = Study.read(study)
     problem = replace(read.problem(), model=read.model)
-    began = time.perf_counter()
-    with without(stage):
+    began, free = time.perf_counter(), {n for n, p in problem.parameters.items() if isinstance(p, Free)}
+    with without(stage, free):
         if stage == "own":
             fitted = smooth(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"])).parameters
-            held = {n: fitted[n].value if isinstance(p, Free) else p for n, p in problem.parameters.items()}
-            problem = replace(problem, parameters=held)
+            problem = replace(problem, parameters={n: fitted[n].value if n in free else p for n, p in problem.parameters.items()})
         answer = result_of_diagnosis(diagnose(problem))
     out.write_text(json.dumps(kept_of(answer, "ok", time.perf_counter() - began)), encoding="utf-8")
 
@@ -106,7 +111,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("ablations_out"))
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--plants", default="")
-    parser.add_argument("--without", default=",".join(STAGES))
+    parser.add_argument("--without", default=",".join(STAGES), help=f"of {', '.join(STAGES)}")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--limit", type=float, default=1200.0)
     parser.add_argument("--one", nargs=3, metavar=("STUDY", "OUT", "STAGE"), help=argparse.SUPPRESS)
@@ -115,6 +120,8 @@ def main() -> None:
         one(Path(given.one[0]), Path(given.one[1]), given.one[2])
         return
     plants, stages = (text.split(",") if text else [] for text in (given.plants, given.without))
+    if unknown := set(stages) - set(STAGES):
+        parser.error(f"no stage is called {', '.join(sorted(unknown))}; there are {', '.join(STAGES)}")
     chosen = [n for n, (bench, case) in enumerate(numbered(), start=1) if case.core and (not plants or bench.plant in plants)]
     cases, truths = given.out / "cases", given.out / "truth"
 
@@ -125,14 +132,19 @@ def main() -> None:
             kept.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory() as folder:
                 half = Path(folder) / "answer.json"
+                began = time.perf_counter()
                 command = [sys.executable, __file__, "--one", str(cases / name / "study.toml"), str(half), stage]
                 try:
                     done = subprocess.run(command, capture_output=True, text=True, timeout=given.limit, check=False)
+                    if done.returncode < 0:
+                        raise KeyboardInterrupt
                     failed = done.stderr.strip()[-300:]
                 except subprocess.TimeoutExpired:
                     failed = "too long"
-                told = half.read_text(encoding="utf-8") if half.exists() else json.dumps(kept_of({}, failed, given.limit))
-            kept.write_text(told, encoding="utf-8")
+                told = half.read_text(encoding="utf-8") if half.exists() else json.dumps(kept_of({}, failed, time.perf_counter() - began))
+            unfinished = kept.with_suffix(".half")
+            unfinished.write_text(told, encoding="utf-8")
+            unfinished.replace(kept)
             sys.stderr.write(f"{name} without {stage}\n")
         truth = json.loads((truths / f"{name}.json").read_text(encoding="utf-8"))
         return judge(truth, json.loads(kept.read_text(encoding="utf-8"))) | {"stage": stage}

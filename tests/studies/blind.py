@@ -13,6 +13,7 @@ from typing import Any
 
 from scipy.stats import beta
 
+INTERRUPTED = 130  # what a command that was interrupted returns
 DEFINITE = ("parameter", "sensor", "input", "missing_physics")
 
 
@@ -26,6 +27,8 @@ def run(case: Path, out: Path, limit: float) -> None:
         command += ["diagnose", str(copy / "study.toml"), "--out", str(results), "--quiet", "--jobs", "1"]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+            if done.returncode < 0 or done.returncode == INTERRUPTED:
+                raise KeyboardInterrupt
             status = "ok" if done.returncode == 0 else f"status {done.returncode}: {done.stderr.strip()[-300:]}"
         except subprocess.TimeoutExpired:
             status = "too long"
@@ -57,7 +60,7 @@ def judge(truth: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:
         "right": right,
         "seconds": kept["seconds"],
         "status": kept["status"],
-        "alarm": verdict not in (None, "none"),
+        "alarm": verdict != "none" if clean else verdict not in (None, "none"),
         "gain": (answer.get("held_out") or {}).get("improvement_percent"),
     }
     if clean:
@@ -71,12 +74,8 @@ def judge(truth: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:
         places = {p for p, _ in good}
         first = named[: len(effects)]
         if truth["verdict"] == "parameter":
-            text = json.dumps(findings[:1])
-            place, inside, member = (
-                place + (effect["physics"] in text),
-                inside + (effect["physics"] in text),
-                member + (effect["physics"] in text),
-            )
+            named_it = any(f.get("physics") == "wrong_parameter" and effect["physics"] in f["parameters"] for f in findings[:1])
+            place, inside, member = place + named_it, inside + named_it, member + named_it
             continue
         place += any(p in places for p, _ in first)
         inside += any(p in places for p, _ in named + also)

@@ -4,10 +4,9 @@
                                       [--jobs 2] [--limit 1200]
 
 clean    recordings of machines that are as their models say: quantised, coloured forces below the floor, clocks that jitter, ...
-wrong    every parameter that a study may estimate in turn, given 15 % too large or too small; what its recordings would not have shown,
-         by their own account, does not count
-others   for every effect of the suite that has one strength: the machine without it is diagnosed, which tells the least strength that its
-         recordings would have shown; then as much of it is concealed, and three and ten times as much, and these are diagnosed
+wrong    every parameter that a study may estimate in turn, given 15 % too large or too small
+others   for every effect of the suite that has a strength of which the answer for the machine without it says how large it had to be: as
+         much of it is concealed, and three and ten times as much. Couplings, lags and dead zones have none
 
 Machines are simulated by what shares no equations with the estimator (`backsight.data.cases`). Results stay in --out, and a rerun goes on
 with those that are not there. Rates come with their Clopper-Pearson limits (95 %, one-sided).
@@ -18,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
@@ -34,7 +33,9 @@ from backsight.models import compile_model
 from backsight.models.analysis.isolability import isolability
 from backsight.models.plants import PLANTS
 
+WORDS = {"bias": "offset"}  # of an input, where the suite has another one
 LEVELS = (1, 3, 10)  # times the least strength that would have been shown
+LARGEST = 20.0  # times the size that an effect has in the suite: more is no machine
 OFF = 0.15  # of a parameter that is given, too large or too small
 
 
@@ -70,25 +71,24 @@ class Shop:
             run(cases / name, kept, self.limit)
             sys.stderr.write(f"{name}\n")
         truth, answer = (json.loads(path.read_text(encoding="utf-8")) for path in (told, kept))
-        more = {
-            "name": name,
-            "level": level,
-            "answer": answer["answer"],
-            "apart": separable(truth),
-            "shown": shown(truth, answer["answer"]),
-        }
-        return judge(truth, answer) | more
+        more = {"name": name, "level": level, "answer": answer["answer"], "apart": separable(truth), "shown": True}
+        return judge(truth, answer) | more | {"truth_values": truth["base_parameters_true"]}
 
     def rows(self, kind: Kind) -> list[dict[str, Any]]:
-        """All cases of a group: one, or the machine with nothing concealed and what is concealed at every level."""
-        if kind.case.strength in ("none", "parameter"):
-            return [self.row(kind, kind.case, kind.case.strength)]
-        silent = replace(
-            kind.case, effects=lambda d: tuple(e.silent for e in kind.case.effects(d)), verdict="none", strength="none", also=()
-        )
-        first = self.row(kind, silent, "none")
-        size = unit_size(kind, first["answer"].get("not_detectable") or [])
-        return [first, *(self.row(kind, sized(kind.case, size * m), f"{m}x") for m in LEVELS if np.isfinite(size))]
+        """All cases of a group: a clean one, or the machine with nothing concealed, and what is concealed as far as that would show it."""
+        if kind.case.strength == "none":
+            return [self.row(kind, kind.case, "none")]
+        silent = replace(kind.case, effects=lambda d: tuple(e.silent for e in kind.case.effects(d)), strength="none")
+        first = self.row(kind, replace(silent, verdict="none", also=()), "none")
+        table = first["answer"].get("not_detectable") or []
+        if kind.case.strength == "parameter":
+            row = self.row(kind, kind.case, "parameter")
+            return [first, row | {"shown": shown(kind.case.kind.partition(":")[2], first["truth_values"], table)}]
+        size = unit_size(kind, table)
+        levels = [(f"{m}x", size * m) for m in LEVELS if size * m < LARGEST]
+        if len(levels) < len(LEVELS):
+            sys.stderr.write(f"{kind.name}: no strength, or none that a machine can have, for {len(LEVELS) - len(levels)} levels\n")
+        return [first, *(self.row(kind, sized(kind.case, s), name) for name, s in levels)]
 
 
 def sized(case: Case, size: float) -> Case:
@@ -103,17 +103,20 @@ def unit_size(kind: Kind, table: list[dict[str, Any]]) -> float:
     for row in table:
         if [row["place"], row["physics"]] not in ([effect.place, effect.physics], *map(list, effect.rivals)):
             continue
-        if row["physics"] == effect.physics and row["parameter"] in effect.parameters and row["minimum_strength"] is not None:
-            there = abs(effect.parameters[row["parameter"]][0] - nothing.parameters[row["parameter"]][0])
+        word = WORDS.get(row["parameter"], row["parameter"])
+        if row["physics"] == effect.physics and word in effect.parameters and row["minimum_strength"] is not None:
+            there = abs(effect.parameters[word][0] - nothing.parameters[word][0])
             return float(row["minimum_strength"]) / there
     return float("nan")
 
 
-def shown(truth: dict[str, Any], answer: dict[str, Any]) -> bool:
-    """Whether a wrong parameter, if that is it, is as wrong as the answer says that the recordings would have shown."""
-    least = {row["parameter"]: row["minimum_strength"] for row in answer.get("not_detectable") or [] if row["physics"] == "wrong_parameter"}
-    off = {name: OFF * abs(truth["base_parameters_true"][name]) for e in truth["effects"] if (name := e["physics"]) in least}
-    return all(least[name] is not None and size > least[name] for name, size in off.items())
+def shown(name: str, values: Mapping[str, float], table: list[dict[str, Any]]) -> bool:
+    """Whether recordings would show a wrong parameter of a machine with these values, by what was said of it when nothing was wrong.
+
+    It was free then: of what cannot be estimated at all nothing is said.
+    """
+    least = [row["minimum_strength"] for row in table if row["physics"] == "wrong_parameter" and row["parameter"] == name]
+    return all(size is not None and OFF * abs(values[name]) > size for size in least)
 
 
 def separable(truth: dict[str, Any]) -> bool:
@@ -134,7 +137,7 @@ def kinds(plants: list[str], wanted: list[str], seeds: range) -> Iterator[Kind]:
         for bench in benches:
             if plants and bench.plant not in plants:
                 continue
-            for number, case in enumerate(_cases(bench, seed)):
+            for number, case in enumerate(_cases(bench, seed), start=1000 * (1 + benches.index(bench))):
                 if not wanted or case.kind in wanted or case.kind.partition(":")[0] in wanted:
                     yield Kind(bench=bench, case=case, seed=(seed, number))
 
@@ -166,7 +169,9 @@ def _has_strength(bench: Bench, case: Case) -> bool:
 def table(rows: list[dict[str, Any]]) -> str:
     """Rates, plant by plant and together."""
     lines = [
-        "| | alarms, clean | " + " | ".join(f"{m} x: found, place first, in the set" for m in LEVELS) + " | wrong | sensor | seconds |"
+        "| | alarms, clean | "
+        + " | ".join(f"{m} x: found; of these apart, place first; in the set" for m in LEVELS)
+        + " | wrong | sensor | seconds |"
     ]
     lines.append("|---" * (len(LEVELS) + 5) + "|")
     for plant in [*dict.fromkeys(r["plant"] for r in rows), "all"]:
@@ -180,8 +185,8 @@ def table(rows: list[dict[str, Any]]) -> str:
             counts = (sum(r["alarm"] for r in there), len(there)), (sum(r["place"] == 1 for r in apart), len(apart))
             cells.append("; ".join(limits(*c) for c in (*counts, (sum(r["inside"] == 1 for r in found), len(found)))))
         cells.append(limits(sum(r["right"] for r in off), len(off)))
-        sensors = [r for r in own if r["truth"] == "sensor" and r["level"] != "1x"]
-        cells.append(limits(sum(r["right"] for r in sensors), len(sensors)))
+        sensors = [r for r in own if r["truth"] == "sensor" and r["level"] == "10x"]
+        cells.append(limits(sum(r["verdict"] == "sensor" for r in sensors), len(sensors)))
         cells.append(f"{np.median([r['seconds'] for r in own]):.0f}, {max(r['seconds'] for r in own):.0f}")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -205,6 +210,8 @@ def main() -> None:
     given = parser.parse_args()
     plants, wanted = ([word for word in text.split(",") if word] for text in (given.plants, given.kinds))
     shop = Shop(given.out, given.limit)
+    if unknown := set(plants) - {bench.plant for bench in benches}:
+        parser.error(f"no plant is called {', '.join(sorted(unknown))}; there are {', '.join(b.plant for b in benches)}")
     with ThreadPoolExecutor(given.jobs) as pool:
         found = pool.map(shop.rows, kinds(plants, wanted, range(given.seed, given.seed + given.seeds)))
         rows = [row for some in found for row in some]

@@ -86,6 +86,10 @@ def main() -> None:
     given = parser.parse_args()
     cases, truths, results = (given.out / name for name in ("cases", "truth", "results"))
     results.mkdir(parents=True, exist_ok=True)
+    drawn = given.out / "seed.txt"
+    if drawn.exists() and drawn.read_text(encoding="utf-8") != str(given.seed):
+        parser.error(f"{given.out} has cases of seed {drawn.read_text(encoding='utf-8')}; name another folder for seed {given.seed}")
+    drawn.write_text(str(given.seed), encoding="utf-8")
     plants, ids = given.plants.split(",") if given.plants else [], given.cases.split(",") if given.cases else []
     named = {f"c{number:03d}": bench.plant for number, (bench, _) in enumerate(numbered(), start=1)}
     wanted = [c for c, plant in named.items() if (not plants or plant in plants) and (not ids or c in ids)]

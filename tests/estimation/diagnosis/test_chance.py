@@ -18,18 +18,35 @@ from backsight.estimation.diagnosis.supermodel import looked_at
 RNG = np.random.default_rng(3)
 
 
-def largest(looks: int, copies: int, draws: int) -> np.ndarray:
-    """Largest gain (draws,) of `looks` independent ones, every one counted `copies` times."""
-    return chi2.rvs(1, size=(looks, draws), random_state=RNG).max(axis=0) / 2
+def copies(looks: int, times: int) -> np.ndarray:
+    """Correlation of independent looks, every one there several times."""
+    return np.kron(np.eye(looks), np.ones((times, times)))
 
 
-@pytest.mark.parametrize(("looks", "copies"), [(30, 1), (30, 20), (400, 5)])
-def test_as_many_looks_count_as_have_something_of_their_own(looks: int, copies: int) -> None:
-    chance = Chance(looks=Counter({1: looks * copies}), most=largest(looks, copies, 400))
-    assert chance.share == pytest.approx(1 / copies, rel=0.15)
-    fresh = largest(looks, copies, 20_000)
-    for p in (0.2, 0.05, 0.01):
-        assert np.mean(fresh > chance.needed(p)) == pytest.approx(p, rel=0.25)
+def related(looks: int, rho: float) -> np.ndarray:
+    """Correlation of looks of which neighbours are alike, as wave numbers are."""
+    return rho ** np.abs(np.subtract.outer(np.arange(looks), np.arange(looks)))
+
+
+def largest(correlation: np.ndarray, draws: int) -> np.ndarray:
+    """Largest gain of every draw, (draws,)."""
+    e, Q = np.linalg.eigh(correlation)
+    root = Q * np.sqrt(np.maximum(e, 0.0))
+    return ((root @ RNG.standard_normal((len(e), draws))) ** 2).max(axis=0) / 2
+
+
+@pytest.mark.parametrize(
+    ("correlation", "share"),
+    [(copies(40, 1), 1.0), (copies(30, 20), 1 / 20), (related(200, 0.9), None), (related(200, 0.99), None), (related(200, 0.5), None)],
+    ids=["independent", "copies", "related", "much alike", "hardly alike"],
+)
+def test_as_many_looks_count_as_have_something_of_their_own(correlation: np.ndarray, share: float | None) -> None:
+    chance = Chance(looks=Counter({1: len(correlation)}), most=largest(correlation, 4000))
+    if share is not None:
+        assert chance.share == pytest.approx(share, rel=0.15)
+    fresh = largest(correlation, 20_000)
+    for p, most in ((0.1, 1.25), (0.05, 1.25), (0.01, 1.8)):  # looks that are related have more of their own far out
+        assert 0.75 < np.mean(fresh > chance.needed(p)) / p < most
         assert chance.of(chance.needed(p)) == pytest.approx(p)
 
 
@@ -43,8 +60,8 @@ def test_without_draws_it_is_the_bound_and_without_looks_nothing_is_by_chance() 
     assert Chance(looks=Counter()).needed(0.05) == LEAST
 
 
-def test_a_library_whose_looks_are_alike_is_never_worse_than_its_bound() -> None:
-    assert Chance(looks=Counter({1: 5}), most=np.full(10, 12.0)).share == 1.0  # by chance larger than they should be
+def test_a_chance_is_no_larger_than_the_bound() -> None:
+    assert Chance(looks=Counter({1: 5}), most=np.full(16, 12.0)).share == 1.0  # by chance larger than they should be
 
 
 def test_scores_of_drawn_rows_vary_as_their_information_says() -> None:

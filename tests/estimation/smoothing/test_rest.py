@@ -119,25 +119,29 @@ def test_room_reaches_as_far_as_the_velocity_cannot_be_told_from_zero():
     assert len(opened) == pytest.approx(0.4 * len(middle), abs=2)
 
 
-@pytest.mark.parametrize(("count", "opened"), [(1, True), (3, True), (4, False), (9, False)])
-def test_a_few_intervals_between_two_near_rest_have_room_as_well(count, opened):
-    """At rest but for a velocity of 0.3 m/s over some intervals, which comes and goes within one."""
+@pytest.mark.parametrize(
+    ("first", "count", "std", "opened"),
+    [(40, 1, 0.05, True), (40, 3, 0.05, True), (1, 2, 0.05, True), (40, 4, 0.05, False), (40, 2, 0.02, False), (40, 2, 0.0, False)],
+)
+def test_a_few_intervals_between_two_at_rest_have_room_if_noise_may_have_made_the_velocity(first, count, std, opened):
+    """At rest but for a velocity of 0.3 m/s over some intervals, which comes and goes within one; its deviation is std [m/s]."""
     time = np.linspace(0.0, 1.0, 101)
     recording = Recording(name="axis", time=time, inputs={"F": np.zeros(101)}, outputs={"x": np.zeros(101)}, output_std={"x": 2e-6})
     problem = Problem(model=DAE, recordings=[recording], parameters=FREE)
     begun = followed(recording)
     t, knots = begun.transcription, begun.transcription.horizons[0].mesh.knots
-    nx, v = t.nlp.interpolation.states, np.zeros(len(knots))
-    v[40 : 41 + count] = 0.3
-    names, decisions = [q.name for q in DAE.states], np.zeros(t.nlp.size)
+    nx, local, v = t.nlp.interpolation.states, t.nlp.interpolation.local, np.zeros(len(knots))
+    v[first : first + 1 + count] = 0.3
+    names, decisions, covariance = [q.name for q in DAE.states], np.zeros(t.nlp.size), np.zeros((len(v) - 1, local, local))
     for name, course in (("carriage.s", cumulative_trapezoid(v, knots, initial=0.0)), ("carriage.v", v)):
         i = names.index(name)
         decisions[t.nlp.index[i]], decisions[t.nlp.index[i - nx]] = course[:-1], course[1:]
-    there = replace(begun, decisions=decisions, covariance=None)
-    std = open_at_rest(problem, friction_laws(problem), there, [knots], (0,), problem.values)
-    assert np.all(std[0, :40] > 0)
-    assert np.all(std[0, 41 + count :] > 0)
-    assert np.all((std[0, 40 : 40 + count] > 0) == opened)
+    covariance[:, i, i] = covariance[:, i - nx, i - nx] = std**2
+    there = replace(begun, decisions=decisions, covariance=covariance)
+    room = open_at_rest(problem, friction_laws(problem), there, [knots], (0,), problem.values)[0] > 0
+    assert np.all(room[: first - 1])
+    assert np.all(room[first + 1 + count :])
+    assert np.all(room[first : first + count] == opened)
 
 
 def test_a_friction_that_is_fixed_at_zero_is_no_law():
