@@ -80,13 +80,16 @@ class Fits:
                 self.kept.put(name, fit)
         return [(c, s, found[name]) for (c, s), name in zip(wanted, names, strict=True)]
 
-    def again(self, base: Base, problem: Problem, what: str) -> Smoothing | None:
-        """Another problem, smoothed as candidates are from where the base came to rest; None where it does not arrive."""
+    def again(self, base: Base, problem: Problem, what: str, *, least: float = 0.0) -> Smoothing | None:
+        """Another problem, smoothed as candidates are from where the base came to rest; None where it does not arrive.
+
+        least: time that it has when the search's is over [s].
+        """
         solution = base.result.solution
         if solution is None:
             return None
         weighed = problem if base.settings.weigh else with_weights_of(solution, problem)
-        settings = replace(base.settings, seconds=min(base.settings.seconds, self.left / 2))
+        settings = replace(base.settings, seconds=min(base.settings.seconds, max(self.left / 2, least)))
         name = self.kept.name(repr((what, list(base.changes), base.settings.weigh)))
         begin = Begun.of(solution, weighed)
         try:

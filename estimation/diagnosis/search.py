@@ -12,6 +12,7 @@ from backsight.models import Model
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
+from ..smoothing.begun import force_stds
 from ..smoothing.program import Settings
 from .candidates import Candidate
 from .choice import (
@@ -47,6 +48,7 @@ from .verdict import Class, Finding, Tried, Undetectable
 from .worth import Worth, gains
 
 EFFECTS = 4
+LAST = 120.0  # s, at least, for the fit that tells whether what is left over is needed
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
@@ -399,11 +401,30 @@ class Search:
         if share <= FLOOR:
             return
         summary = self.result.residual_places[worst]
+        force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
         if self._explained() >= UNEXPLAINED:
-            force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
             self.notes.append(f"Unexplained at {worst}: a force of {force}.")
             return
+        if not self._needed(worst, share):
+            self.notes.append(
+                f"Left over at {worst}: a force of {force}. With next to none the recordings are as likely, so it is nothing."
+            )
+            return
         self.findings.insert(0, nameless(worst, share, summary, self.tried, self.problem))
+
+    def _needed(self, place: str, share: float) -> bool:
+        """Whether the recordings need the force that is left over at a place: with as little as does not matter they are less likely.
+
+        On a body that no output shows it may be any: its weight is hardly told, and the most likely one is not nothing.
+        """
+        if self.result.solution is None or not self.settings.weigh:
+            return True
+        little = force_stds(self.result.solution)[place] * FLOOR / 2 / share
+        weights = replace(self.problem.weights, W={**self.problem.weights.W, place: little})
+        problem = settled(replace(self.problem, weights=weights), self.result)
+        self.fits.say(f"with next to no force at {place}")
+        found = self.fits.again(self._base, problem, f"with next to no force at {place}", least=LAST)
+        return found is None or not self._worth(problem, found).over(self.now) > -CLEAR
 
     def _explained(self) -> float:
         """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""
