@@ -48,7 +48,7 @@ from .verdict import Class, Finding, Tried, Undetectable
 from .worth import Worth, gains
 
 EFFECTS = 4
-LAST = 120.0  # s, at least, for the fit that tells whether what is left over is needed
+LAST, TRIES = 200.0, 200  # s, at least, and iterations of the fit that tells whether what is left over is needed
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
@@ -423,7 +423,8 @@ class Search:
         weights = replace(self.problem.weights, W={**self.problem.weights.W, place: little})
         problem = settled(replace(self.problem, weights=weights), self.result)
         self.fits.say(f"with next to no force at {place}")
-        found = self.fits.again(self._base, problem, f"with next to no force at {place}", least=LAST)
+        patient = replace(self.settings, options=replace(self.settings.options, max_iterations=TRIES))
+        found = self.fits.again(replace(self._base, settings=patient), problem, f"with next to no force at {place}", least=LAST)
         return found is None or not self._worth(problem, found).over(self.now) > -CLEAR
 
     def _explained(self) -> float:
