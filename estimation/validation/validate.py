@@ -55,8 +55,7 @@ class Validation:
             smoothed, far = table[name].to_numpy(), np.zeros(len(y), dtype=bool)
             if (found := self.far.get(recording.name, {}).get(name)) is not None:
                 far[np.flatnonzero(np.isfinite(smoothed))[found]] = True  # a row of no piece has no estimate
-            still = self.still.get(recording.name, np.zeros(len(errors), dtype=bool))
-            out[name] = output_fit(y, smoothed, errors, int(self.weighed), far, still)
+            out[name] = output_fit(y, smoothed, errors, int(self.weighed), far, self.still.get(recording.name))
         return out
 
 

@@ -15,10 +15,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -28,7 +26,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from blind import judge, kept_of, limits
+from blind import answered, judge, limits
 
 from backsight.data.cases import make_case, numbered
 
@@ -83,13 +81,13 @@ def one(study: Path, out: Path, stage: str) -> None:
 
     read = Study.read(study)
     problem = replace(read.problem(), model=read.model)
-    began, free = time.perf_counter(), {n for n, p in problem.parameters.items() if isinstance(p, Free)}
+    free = {n for n, p in problem.parameters.items() if isinstance(p, Free)}
     with without(stage, free):
         if stage == "own":
             fitted = smooth(replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"])).parameters
             problem = replace(problem, parameters={n: fitted[n].value if n in free else p for n, p in problem.parameters.items()})
         answer = result_of_diagnosis(diagnose(problem))
-    out.write_text(json.dumps(kept_of(answer, "ok", time.perf_counter() - began)), encoding="utf-8")
+    out.write_text(json.dumps(answer), encoding="utf-8")
 
 
 def line(stage: str, rows: list[dict[str, Any]]) -> str:
@@ -131,20 +129,9 @@ def main() -> None:
         if not kept.exists():
             kept.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory() as folder:
-                half = Path(folder) / "answer.json"
-                began = time.perf_counter()
-                command = [sys.executable, __file__, "--one", str(cases / name / "study.toml"), str(half), stage]
-                try:
-                    done = subprocess.run(command, capture_output=True, text=True, timeout=given.limit, check=False)
-                    if done.returncode < 0:
-                        raise KeyboardInterrupt
-                    failed = done.stderr.strip()[-300:]
-                except subprocess.TimeoutExpired:
-                    failed = "too long"
-                told = half.read_text(encoding="utf-8") if half.exists() else json.dumps(kept_of({}, failed, time.perf_counter() - began))
-            unfinished = kept.with_suffix(".half")
-            unfinished.write_text(told, encoding="utf-8")
-            unfinished.replace(kept)
+                found = Path(folder) / "answer.json"
+                command = [sys.executable, __file__, "--one", str(cases / name / "study.toml"), str(found), stage]
+                answered(command, found, kept, given.limit)
             sys.stderr.write(f"{name} without {stage}\n")
         truth = json.loads((truths / f"{name}.json").read_text(encoding="utf-8"))
         return judge(truth, json.loads(kept.read_text(encoding="utf-8"))) | {"stage": stage}

@@ -19,30 +19,32 @@ DEFINITE = ("parameter", "sensor", "input", "missing_physics")
 
 def run(case: Path, out: Path, limit: float) -> None:
     """The command on a copy of a case; what came of it in `out`."""
-    began, status = time.perf_counter(), "ok"
     with tempfile.TemporaryDirectory() as folder:
         copy, results = Path(folder) / "case", Path(folder) / "out"
         shutil.copytree(case, copy)
         command = [sys.executable, "-c", "import sys; from backsight.estimation.command.cli import main; sys.exit(main())"]
         command += ["diagnose", str(copy / "study.toml"), "--out", str(results), "--quiet", "--jobs", "1"]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
-            if done.returncode < 0 or done.returncode == INTERRUPTED:
-                raise KeyboardInterrupt
-            status = "ok" if done.returncode == 0 else f"status {done.returncode}: {done.stderr.strip()[-300:]}"
-        except subprocess.TimeoutExpired:
-            status = "too long"
-        found = results / "result.json"
-        answer = json.loads(found.read_text(encoding="utf-8")) if found.exists() else {}
-    half = out.with_suffix(".half")
-    half.write_text(json.dumps(kept_of(answer, status, time.perf_counter() - began)), encoding="utf-8")
-    half.replace(out)
+        answered(command, results / "result.json", out, limit)
 
 
-def kept_of(answer: dict[str, Any], status: str, seconds: float) -> dict[str, Any]:
-    """What is kept of result.json."""
+def answered(command: list[str], found: Path, out: Path, limit: float) -> None:
+    """A command run for `limit` [s] at most, and what is kept of the answer that it writes to `found`, whole or not at all, in `out`.
+
+    Raises KeyboardInterrupt where the command was interrupted: that is no answer.
+    """
+    began, status = time.perf_counter(), "ok"
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+        if done.returncode < 0 or done.returncode == INTERRUPTED:
+            raise KeyboardInterrupt
+        status = "ok" if done.returncode == 0 else f"status {done.returncode}: {done.stderr.strip()[-300:]}"
+    except subprocess.TimeoutExpired:
+        status = "too long"
+    answer = json.loads(found.read_text(encoding="utf-8")) if found.exists() else {}
     kept = {key: answer.get(key) for key in ("verdict", "findings", "held_out", "not_detectable", "tried", "notes")}
-    return {"status": status, "seconds": seconds, "answer": kept}
+    half = out.with_suffix(".half")
+    half.write_text(json.dumps({"status": status, "seconds": time.perf_counter() - began, "answer": kept}), encoding="utf-8")
+    half.replace(out)
 
 
 def judge(truth: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:

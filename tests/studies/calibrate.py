@@ -29,6 +29,7 @@ from blind import judge, limits, run
 
 from backsight.data.cases.case import Bench, Case, Drawn, wrong
 from backsight.data.cases.suite import benches, write_case
+from backsight.data.generators.concealed.effects import Effect
 from backsight.models import compile_model
 from backsight.models.analysis.isolability import isolability
 from backsight.models.plants import PLANTS
@@ -96,10 +97,15 @@ def sized(case: Case, size: float) -> Case:
     return replace(case, effects=lambda d: case.effects(replace(d, size=size)), strength="strong")
 
 
+def at_sizes(bench: Bench, case: Case) -> tuple[tuple[Effect, ...], ...]:
+    """The effects of a case in the usual machine at size 1, and at next to none."""
+    values = {**bench.base, **bench.known, **case.base}
+    return tuple(case.effects(Drawn(values=values, size=size)) for size in (1.0, 1e-9))
+
+
 def unit_size(kind: Kind, table: list[dict[str, Any]]) -> float:
     """The size at which the effect has the least strength that would have been shown; NaN where the table does not have it."""
-    values = {**kind.bench.base, **kind.bench.known, **kind.case.base}
-    (effect,), (nothing,) = (kind.case.effects(Drawn(values=values, size=size)) for size in (1.0, 1e-9))
+    (effect,), (nothing,) = at_sizes(kind.bench, kind.case)
     for row in table:
         if [row["place"], row["physics"]] not in ([effect.place, effect.physics], *map(list, effect.rivals)):
             continue
@@ -158,8 +164,7 @@ def _cases(bench: Bench, seed: int) -> list[Case]:
 
 def _has_strength(bench: Bench, case: Case) -> bool:
     """Whether it is one effect, from the start, of a strength that is nothing where its size is."""
-    values = {**bench.base, **bench.known, **case.base}
-    here, none = (case.effects(Drawn(values=values, size=size)) for size in (1.0, 1e-9))
+    here, none = at_sizes(bench, case)
     if len(here) != 1 or case.kind.startswith(("onset", "unknown")):
         return False
     parts = zip(here[0].parameters.values(), none[0].parameters.values(), strict=True)
@@ -168,11 +173,8 @@ def _has_strength(bench: Bench, case: Case) -> bool:
 
 def table(rows: list[dict[str, Any]]) -> str:
     """Rates, plant by plant and together."""
-    lines = [
-        "| | alarms, clean | "
-        + " | ".join(f"{m} x: found; of these apart, place first; in the set" for m in LEVELS)
-        + " | wrong | sensor | seconds |"
-    ]
+    levels = " | ".join(f"{m} x: found; of these apart, place first; in the set" for m in LEVELS)
+    lines = [f"| | alarms, clean | {levels} | 15 % wrong, told | sensor at 10 x, told | seconds |"]
     lines.append("|---" * (len(LEVELS) + 5) + "|")
     for plant in [*dict.fromkeys(r["plant"] for r in rows), "all"]:
         own = [r for r in rows if plant in (r["plant"], "all")]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 from blind import judge, limits, run
 
-from backsight.data.cases import numbered
+from backsight.data.cases import make_case, numbered
 
 VERDICTS = ("none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided")
 
@@ -97,18 +96,7 @@ def main() -> None:
 
     def one(case: str) -> None:
         if not (truths / f"{case}.json").exists():
-            make = [
-                "-m",
-                "backsight.data.cases",
-                str(cases),
-                "--seed",
-                str(given.seed),
-                "--truth",
-                str(truths),
-                "--only",
-                str(int(case[1:])),
-            ]
-            subprocess.run([sys.executable, *make], check=True)
+            make_case(int(case[1:]), cases, truths, given.seed)
         run(cases / case, results / f"{case}.json", given.limit)
 
     with ThreadPoolExecutor(given.jobs) as pool:
