@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, product
 
 import numpy as np
@@ -32,6 +32,7 @@ Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are projected out: less is rounding
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
+UNTOLD = 1e-3  # of a strength's square: with that much that nobody tells it has no deviation
 BATCH = 256  # columns at a time
 SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
@@ -69,7 +70,8 @@ class Screened:
 class Screen:
     """Best first, each candidate once.
 
-    chance: of gains. G: information of the first ones, with their columns.
+    chance: of gains. G: information of the first ones, with their columns. shapes: id of a candidate -> it at all that were looked at, but
+    for what sets in.
     """
 
     found: tuple[Screened, ...]
@@ -77,6 +79,7 @@ class Screen:
     G: Array
     plain: Array
     columns: tuple[tuple[int, ...], ...]
+    shapes: Mapping[int, Sequence[Screened]] = field(default_factory=dict)
 
     def alike(self, a: Screened, b: Screened) -> float:
         """How well an effect of one can always stand for an effect of the other: cosine of the largest principal angle between them."""
@@ -92,6 +95,7 @@ class Screen:
 def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0, draws: int = DRAWS) -> Screen:
     """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed, draws: of chances."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
+    shapes = dict[int, list[Screened]]()
     drawn, most = dict[int, Drawn](), np.zeros(draws)
     for batch, at_rest in _batches(chain(told(base, looks), late)):
         there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
@@ -104,9 +108,11 @@ def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *
             first += len(look.columns)
             one = Scores(b=scores.b[at], G=scores.G[np.ix_(at, at)], plain=scores.plain[at])
             root = inverse_root(one.G, one.plain)
-            if root.shape[1] == 0:
-                continue
             found = _judged(look, one, root)
+            if look.whole is None:
+                shapes.setdefault(id(look.candidate), []).append(found)
+            if not found.freedom:
+                continue
             most = np.maximum(most, _gained(look, replace(one, b=b[at]), root)[0])
             freedoms[found.freedom] += 1
             key = (True, id(look.whole)) if look.whole else (False, id(look.candidate))
@@ -123,7 +129,7 @@ def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *
         else Scores(b=np.empty(0), G=np.empty((0, 0)), plain=np.empty(0))
     )
     chance = Chance(looks=freedoms, most=most)
-    return Screen(found=ordered, chance=chance, G=joint.G, plain=joint.plain, columns=tuple(columns))
+    return Screen(found=ordered, chance=chance, G=joint.G, plain=joint.plain, columns=tuple(columns), shapes=shapes)
 
 
 def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
@@ -205,7 +211,10 @@ def _adjusted(s: Screened) -> float:
 
 def _judged(look: Look, scores: Scores, root: Array) -> Screened:
     gains, a = _gained(look, replace(scores, b=scores.b[:, None]), root)
-    std = np.sqrt(np.maximum(np.sum(root**2, axis=1), 0.0))
+    # a strength of which a part is not told may be any, but beside a parameter that it takes the place of it is measured from that
+    of_one = root * np.sqrt(scores.plain)[:, None]
+    whole = np.diag(of_one @ np.linalg.pinv(of_one)) > 1.0 - UNTOLD
+    std = np.where(whole | bool(root.size and look.candidate.absorbs), np.sqrt(np.sum(root**2, axis=1)), np.inf)
     return Screened(look=look, gain=float(gains[0]), estimate=a[:, 0], std=std, freedom=root.shape[1])
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -26,6 +27,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 FLOOR = 0.01  # of the rms force at a place: what is smaller is nothing that matters
 CERTAIN = 3.0  # standard deviations
 GROWN = 1.1  # times what was left over before
+TINY = 1e-300
 BEYOND = 3.0  # times the forces at a place: an effect of that size would be needed to be seen, so none can be
 
 
@@ -91,27 +93,58 @@ def _left(result: Smoothing, there: Mapping[str, float]) -> dict[str, float]:
 
 
 def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[tuple[str, str]]) -> list[Undetectable]:
-    """Of every candidate that was not found, the least strength that would have been."""
-    out = list[Undetectable]()
-    least = max(float(np.sqrt(2.0 * found.chance.needed(SURE))), CERTAIN)
+    """Of every candidate that was not found, the least strength that would have been; of those that have a score.
+
+    Of one with shapes at that in the middle, from the one that shows the least strength to those that show none: at its best shape nothing
+    may have any strength, since that one fits noise. What parameters can take over wholly is not among them.
+    """
+    out, deviations = list[Undetectable](), max(float(np.sqrt(2.0 * found.chance.needed(SURE))), CERTAIN)
     for s in found.found:
         c = s.candidate
-        if c.key in skipped or c.signals or not c.strengths or c.onset is not None:
+        if c.key in skipped or c.onset is not None or not (c.signals or c.strengths):
             continue
-        out.append(_limit(s, sizes, model, least))
+        shapes = [replace(one, inflation=s.inflation) for one in found.shapes.get(id(c), (s,))]
+        path, strength = _of_signal(shapes, sizes, deviations) if c.signals else _of_strength(shapes, sizes, deviations)
+        word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
+        unit = c.unit(model, path, sizes.result.units)
+        out.append(Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=unit))
     return out
 
 
-def _limit(s: Screened, sizes: Sizes, model: Model, least: float) -> Undetectable:
-    c = s.candidate
-    path = c.strengths[-1]
-    strength = least * float(s.std[-1]) * float(np.sqrt(s.inflation))
-    one = np.zeros(len(s.std))
-    one[-1] = 1.0
-    share = max(sizes.shares(s.look, one).values(), default=0.0)
+def _of_strength(shapes: Sequence[Screened], sizes: Sizes, deviations: float) -> tuple[str, float]:
+    """The last strength, and how large it had to be."""
+    s = sorted(shapes, key=lambda one: one.std[-1])[len(shapes) // 2]
+    c, strength = s.candidate, deviations * float(s.std[-1]) * float(np.sqrt(s.inflation))
+    share = max(sizes.shares(s.look, np.eye(len(s.std))[-1]).values(), default=0.0)
     if c.family != "sensor" and share > 0:
         strength = max(strength, FLOOR / share) if strength * share < BEYOND else inf
     elif c.of_reading:
         strength = max(strength, FLOOR)
-    word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
-    return Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=c.unit(model, path, sizes.result.units))
+    return c.strengths[-1], strength
+
+
+def _of_signal(shapes: Sequence[Screened], sizes: Sizes, deviations: float) -> tuple[str, float]:
+    """The parameter that shapes it, and what that had to be: where an effect of this shape shows, between those that were looked at.
+
+    What is shown by the least of those, of effects that grow with it, would be shown by less as much as it is more than needed.
+    """
+    (path,) = shapes[0].look.shape
+    shows = [_shows(s, sizes, deviations) for s in shapes]
+    values = [s.look.shape[path] for s in shapes]
+    size, value = (np.log(np.array(a)[np.argsort(values)]) for a in (np.maximum(shows, TINY), values))
+    grows = size[-1] > size[0]
+    if not grows:
+        size, value = size[::-1], value[::-1]
+    if not size.max() >= 0:
+        return path, inf
+    k = int(np.argmax(size >= 0))
+    if k == 0:
+        return path, float(np.exp(value[0] - size[0] if grows else value[0]))
+    return path, float(np.exp(np.interp(0.0, size[k - 1 : k + 1], value[k - 1 : k + 1])))
+
+
+def _shows(s: Screened, sizes: Sizes, deviations: float) -> float:
+    """How much of an effect there is, over what it takes to be shown and to matter."""
+    told = 1.0 / (deviations * float(s.std[-1]) * float(np.sqrt(s.inflation)))
+    share = max(sizes.shares(s.look, np.ones(1)).values(), default=0.0)
+    return told if s.candidate.family == "sensor" or not share > 0 else min(told, share / FLOOR)

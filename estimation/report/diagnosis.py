@@ -231,7 +231,10 @@ def _limits(found: Diagnosis) -> str:
         [_words(u.physics), u.place, u.parameter, quantity(u.strength, u.unit) if np.isfinite(u.strength) else "these recordings show none"]
         for u in found.undetectable
     ]
-    said = "An effect that is weaker than this would have gone unnoticed in these recordings, so nothing is said about it."
+    said = (
+        "An effect that is weaker than this would have gone unnoticed in these recordings, so nothing is said about it. "
+        "Of one that may have many shapes it is the strength at one in the middle."
+    )
     return f"<p>{said}</p>" + table(["effect", "place", "of", "least strength that shows"], rows, words=(0, 1, 2), codes=(1, 2))
 
 

@@ -6,7 +6,7 @@
 clean    recordings of machines that are as their models say: quantised, coloured forces below the floor, clocks that jitter, ...
 wrong    every parameter that a study may estimate in turn, given 15 % too large or too small
 others   for every effect of the suite that has a strength of which the answer for the machine without it says how large it had to be: as
-         much of it is concealed, and three and ten times as much. Couplings, lags and dead zones have none
+         much of it is concealed, and three and ten times as much. Couplings have none
 
 Machines are simulated by what shares no equations with the estimator (`backsight.data.cases`). Results stay in --out, and a rerun goes on
 with those that are not there. Rates come with their Clopper-Pearson limits (95 %, one-sided).

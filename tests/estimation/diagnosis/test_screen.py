@@ -168,6 +168,29 @@ def test_a_strength_that_is_told_once_counts_once():
     assert twice.gain == pytest.approx(once.gain)
 
 
+def test_of_a_strength_of_which_a_part_is_not_told_there_is_no_deviation():
+    S = np.random.default_rng(1).standard_normal((ROWS, 2))
+    base = regression(0)
+    (found,) = screen(base, [look(np.column_stack([S[:, 0], S[:, 0], 1e6 * S[:, 1]]))]).found
+    assert found.freedom == 2
+    assert np.isinf(found.std[:2]).all()
+    (alone,) = screen(base, [look(S)]).found
+    assert found.std[2] == pytest.approx(1e-6 * alone.std[1])
+
+
+def test_every_shape_is_there_and_one_that_shows_nothing_has_no_deviation():
+    S = np.random.default_rng(1).standard_normal((ROWS, 1))
+    c, untold = (Candidate(place="p", family="friction", physics=name, strengths=("a",)) for name in ("x", "y"))
+    looks = [look(size * S, c) for size in (1.0, 0.0, 3.0)]
+    found = screen(regression(0, -S[:, 0]), [*looks, look(np.zeros((ROWS, 1)), untold)])
+    (best,) = found.found
+    first, none, larger = found.shapes[id(c)]
+    assert [s.look for s in (first, none, larger)] == looks
+    assert np.isinf(none.std[0])
+    assert larger.std[0] == pytest.approx(first.std[0] / 3) == pytest.approx(best.std[0] * (1 if best.look is larger else 1 / 3))
+    assert [np.isinf(s.std[0]) for s in found.shapes[id(untold)]] == [True]
+
+
 def test_gain_of_some_columns_and_a_screen_of_nothing():
     S = np.random.default_rng(1).standard_normal((ROWS, 3))
     base = regression(0, S[:, 0])

@@ -86,7 +86,6 @@ def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
     least = max(np.sqrt(2 * found.chance.needed(SURE)), CERTAIN)
     out = {(u.place, u.physics): u for u in limits(found, sizes, actuator(), {("carriage", "cogging")})}
     assert ("carriage", "cogging") not in out  # it was found
-    assert ("input:F", "input_lag") not in out
     assert all(np.isfinite(u.strength) and u.strength > 0 for u in out.values())
     s = next(s for s in found.found if s.candidate.key == ("carriage", "quadratic_drag"))
     one = sizes.shares(s.look, np.ones(1))["carriage"]
@@ -97,6 +96,46 @@ def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
     bias = out["sensor:x", "sensor_drift"]
     (rate,) = (s.std for s in found.found if s.candidate.physics == "sensor_drift")
     assert bias.strength == pytest.approx(least * rate[0])
+
+
+def test_what_would_have_been_seen_hangs_on_the_shape_in_the_middle_not_on_that_of_most_gain(axis):
+    _, sizes, looks, found = axis
+    c = next(look.candidate for look in looks if look.candidate.key == ("carriage", "stribeck_friction"))
+    shapes = [s for s in (screen(sizes.base, [look], draws=0).found for look in looks if look.candidate is c) if s]
+    stds = sorted(float(s[0].std[-1]) for s in shapes)
+    assert stds[-1] > 2 * stds[0]  # it matters
+    strength = {(u.place, u.physics): u.strength for u in limits(found, sizes, actuator(), set())}["carriage", "stribeck_friction"]
+    least = max(np.sqrt(2 * found.chance.needed(SURE)), CERTAIN)
+    best = next(s for s in found.found if s.candidate is c)
+    middle = next(s.look for s in found.shapes[id(c)] if s.std[-1] == pytest.approx(stds[len(stds) // 2], rel=1e-6))
+    floor = FLOOR / sizes.shares(middle, np.eye(len(best.std))[-1])["carriage"]
+    assert strength == pytest.approx(max(least * stds[len(stds) // 2] * np.sqrt(best.inflation), floor))
+
+
+def test_the_least_lag_dead_zone_and_saturation_are_those_between_one_that_shows_and_one_that_does_not(axis):
+    _, sizes, looks, found = axis
+    out = {(u.place, u.physics): u for u in limits(found, sizes, actuator(), set())}
+    least = max(np.sqrt(2 * found.chance.needed(SURE)), CERTAIN)
+    for key, grows in {
+        ("input:F", "input_lag"): True,
+        ("input:F", "input_delay"): True,
+        ("input:F", "input_dead_zone"): True,
+        ("input:F", "input_saturation"): False,
+        ("sensor:x", "sensor_delay"): True,
+    }.items():
+        inflation = next(s.inflation for s in found.found if s.candidate.key == key)
+        here = [look for look in looks if look.candidate.key == key]
+        shown, hidden = list[float](), list[float]()
+        for look in here:
+            (s,) = screen(sizes.base, [look], draws=0).found or (None,)
+            (value,) = look.shape.values()
+            matters = key[0].startswith("sensor") or max(sizes.shares(look, np.ones(1)).values()) > FLOOR
+            told = s is not None and least * s.std[0] * np.sqrt(inflation) < 1.0
+            (shown if told and matters else hidden).append(value)
+        assert shown  # each of them at its largest
+        near, far = (min(shown), max(hidden, default=0.0)) if grows else (max(shown), min(hidden, default=np.inf))
+        assert min(near, far) <= out[key].strength <= max(near, far), key
+        assert out[key].unit == {"input_lag": "s", "input_delay": "s", "sensor_delay": "s"}.get(key[1], "N")
 
 
 def test_an_effect_at_its_limit_is_seen_and_one_at_a_tenth_of_it_is_not(axis):
