@@ -135,25 +135,39 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
-    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. A model that
-    does not come to rest either way is taken as it was left then: what it lacks may be what keeps it from that. Weights from the data go on
-    from where a solve with held ones was left: what no output shows was sought once.
+    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. Where these
+    do not come to rest their parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and
+    where they do not come to rest from there either, where the held ones were left. A model that does not come to rest in any way is taken
+    as it was left with held ones: what it lacks may be what keeps it from that.
     """
+
+    def smoothed(what: str, way: Settings, begin: Smoothing | None = None) -> Smoothing | None:
+        say(f"the model as it is{what}")
+        call = partial(smoothing, problem, settings=way, begin=None if begin is None else begin.solution, progress=say)
+        return kept.smoothed(kept.name(f"the model as it is{what}"), call)
+
     weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
-    ways = [(weighed, QUICKLY), (held, HELD)]
-    if unseen_states(problem.plain):
-        ways.reverse()
-    status, near = "it took too long", None
-    for way, fits in ways:
-        begin = None if near is None else near.solution
-        say("the model as it is" + ("" if way.weigh else ", with weights from the forces' sizes"))
-        name = kept.name(f"the model as it is, {'weighed' if way.weigh else 'held'}")
-        result = kept.smoothed(name, partial(smoothing, problem, settings=way, begin=begin, progress=say))
-        if result is not None and result.solver.converged:
-            return result, fits
-        status = status if result is None else result.solver.status.rstrip(".")
-        if result is not None and not way.weigh and comparable(problem, result):
-            near = result
+    onward = replace(weighed, check_mesh=False, finest=QUICKLY.finest, options=PATIENT)
+    hidden = bool(unseen_states(problem.plain))
+    near = smoothed(", with weights from the forces' sizes", held) if hidden else None
+    if near is not None and near.solver.converged:
+        return near, HELD
+    found = smoothed("", weighed)
+    if found is not None and not found.solver.converged and comparable(problem, found):
+        found = smoothed(", from where it was left", onward, found) or found
+    if found is not None and found.solver.converged:
+        return found, QUICKLY
+    if not hidden:
+        near = smoothed(", with weights from the forces' sizes", held)
+        if near is not None and near.solver.converged:
+            return near, HELD
+    tried = near or found
+    near = near if near is not None and comparable(problem, near) else None
+    if near is not None and hidden:
+        last = smoothed(", with weights from the data from there", weighed, near)
+        if last is not None and last.solver.converged:
+            return last, QUICKLY
     if near is not None:
         return near, HELD
+    status = "it took too long" if tried is None else tried.solver.status.rstrip(".")
     raise InputError(f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from examples import soft_drive
 
 from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.diagnosis import diagnose
-from backsight.estimation.diagnosis.refit import hidden
+from backsight.estimation.diagnosis.diagnose import _base
+from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.refit import HELD, hidden
+from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
 
 MOTOR, LOAD, STIFFNESS, DAMPING, BEARING = 2e-3, 8e-3, 40.0, 0.01, 0.05
@@ -41,6 +46,35 @@ def posed(friction: float) -> Problem:
 def test_the_place_of_which_no_output_tells_is_the_load():
     problem = posed(0.0)
     assert hidden(Problem(model=compile_model(soft_drive()), recordings=problem.recordings, parameters=problem.parameters)) == {"load"}
+
+
+HELD_NAME, WEIGHED, ONWARD, FROM_THERE = (
+    "the model as it is" + more
+    for more in (", with weights from the forces' sizes", "", ", from where it was left", ", with weights from the data from there")
+)
+
+
+@pytest.mark.parametrize(
+    ("settled", "taken"),
+    [
+        ({HELD_NAME, WEIGHED}, HELD_NAME),
+        ({WEIGHED, FROM_THERE}, WEIGHED),
+        ({ONWARD, FROM_THERE}, ONWARD),
+        ({FROM_THERE}, FROM_THERE),
+        (set(), HELD_NAME),
+    ],
+)
+def test_the_model_as_it_is_is_the_first_way_that_comes_to_rest_where_a_load_is_hidden(tmp_path, settled, taken):
+    """The ways were gone before and are kept: here it is told which of them came to rest."""
+    problem = posed(0.0)
+    kept = Keep(tmp_path, problem)
+    result = smoothing(problem, settings=HELD)
+    for name in (HELD_NAME, WEIGHED, ONWARD, FROM_THERE):
+        told = replace(result, solver=replace(result.solver, converged=name in settled), notes=(name,))
+        kept.put(kept.name(name), (told, result.solution))
+    found, fits = _base(problem, kept, lambda _: None)
+    assert found.notes == (taken,)
+    assert fits.weigh is (taken != HELD_NAME)
 
 
 @pytest.mark.slow
