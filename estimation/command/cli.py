@@ -113,7 +113,7 @@ def _root(
 
 @app.command()
 def demo(out: Out = None, jobs: Jobs = 1, scheduler: Scheduler = None, quiet: Quiet = False, json: Json = False) -> int:
-    """Run the built-in study, a ball-screw axis, on its bundled recording."""
+    """Run the built-in study: what does the model of a gantry table leave out?"""
     from .commands import Options, run_demo
 
     return run_demo(Options(out=out, jobs=jobs, scheduler=scheduler, quiet=quiet, json=json))
