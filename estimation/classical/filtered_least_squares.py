@@ -64,7 +64,7 @@ def filtered_least_squares(problem: Problem, *, cutoff: float = 25.0, poles: int
                 f"below half the cutoff, whose filter only x passes; raise cutoff to {2 * band:.4g} Hz, or decimate."
             )
     return _estimate(
-        problem, partial(_zero_phase, cutoff=cutoff, poles=poles, inputs_too=decimate == 1), "filtered_least_squares", decimate, cutoff
+        problem, partial(zero_phase, cutoff=cutoff, poles=poles, inputs_too=decimate == 1), "filtered_least_squares", decimate, cutoff
     )
 
 
@@ -137,7 +137,7 @@ def _decimated(F: Array, slope: Array, factor: int) -> tuple[Array, Array]:
     return kept[:, :, 0], kept[:, :, 1:]
 
 
-def _zero_phase(signals: Array, inputs: Array, hold: Hold, step: float, *, cutoff: float, poles: int, inputs_too: bool) -> Filtered:
+def zero_phase(signals: Array, inputs: Array, hold: Hold, step: float, *, cutoff: float, poles: int, inputs_too: bool) -> Filtered:
     """Forward and back; an input that is held acts, seen around a sample, as the mean of the values before and after it."""
     rows = _inner(signals.shape[1], step, cutoff, poles)
     sections = scipy.signal.butter(poles, cutoff, fs=1 / step, output="sos")
