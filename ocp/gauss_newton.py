@@ -10,6 +10,8 @@ constraints, SIAM J. Control Optim. 20, 1982). The work of a step is linear in t
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,11 +46,13 @@ class Descent:
     multipliers: Array = field(default_factory=lambda: np.zeros(0))
 
 
-def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float, limit: int) -> Descent:
+def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: float, limit: int, seconds: float = math.inf) -> Descent:
     """From X = 0, or what is nearest to it within the bounds (n + np,), to where the projected gradient is below the tolerance.
 
     A rough one is one on what a step promises of the cost, too: many small gradients that point the same way are one large one.
+    limit: of iterations; seconds: after which none begins.
     """
+    end = time.monotonic() + seconds
     if nlp.constraint_count:
         raise ValueError(f"descend(nlp=...) is for programs without constraints; this one has {nlp.constraint_count}.")
     evaluated = nlp.evaluated
@@ -63,7 +67,7 @@ def descend(nlp: Nlp, values: Values, lower: Array, upper: Array, tolerance: flo
         slope = float(np.max(np.abs(X - np.clip(X - g, lower, upper)), initial=0.0))
         near, acceptable = slope <= tolerance, still and slope <= 1e3 * tolerance
         solved = near and tolerance <= FINE
-        if solved or acceptable or iteration == limit:
+        if solved or acceptable or iteration == limit or time.monotonic() > end:
             return Descent(X=X, cost=cost, iterations=iteration, solved=solved, acceptable=acceptable)
         held = ((lower >= X) & (g > 0)) | ((upper <= X) & (g < 0))
         s = _step(nlp, evaluated.squares(parts), g, held)

@@ -78,8 +78,8 @@ class Options:
     tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
     estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
     drift: relative change of a parameter that the terms refer to beyond which a solve goes on from where it
-    arrived, max_passes times at most. seconds: of one call of Ipopt, which then ends as at a limit of iterations. hopeless: cost above
-    which the second stage does not follow a first one that has not arrived.
+    arrived, max_passes times at most. seconds: of plain steps, and of one call of Ipopt, which then end as at a limit of iterations.
+    hopeless: cost above which the second stage does not follow a first one that has not arrived.
     """
 
     tolerance: float = 1e-6
@@ -295,7 +295,7 @@ class Solver:
         """Plain steps need no barriers and nothing built; None where bounds of trajectories ask for these."""
         low, high, options = here.scaled(lower), here.scaled(upper), self.options
         if not self.nlp.constraint_count:
-            found = descend(self.nlp, here, low, high, options.tolerance, options.gauss_newton_iterations)
+            found = descend(self.nlp, here, low, high, options.tolerance, options.gauss_newton_iterations, options.seconds)
         elif supported(self.nlp, low, high):
             found = descend_on_constraints(self.nlp, here, low, high, options.tolerance, options.gauss_newton_iterations, options.seconds)
         else:

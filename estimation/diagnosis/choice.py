@@ -168,7 +168,7 @@ def sound(c: Candidate, f: Fitted) -> bool:
 
 
 def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
-    """Whether its fit made it so small that its force is less than half of the floor, at every place.
+    """Whether its fit made it so small that its force is less than half of the floor, or, of what sets in, the floor, at every place.
 
     Play by what its coupling bears differently, k gap/2: less than that mends what a mesh of one interval a sample cannot follow. Others
     by what they were at their score: an effect goes with its one strength, and a dead zone's with its width.
@@ -184,7 +184,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
         return False
     path, there = alone
     share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
-    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < FLOOR / 2 * abs(there)
+    least = FLOOR if c.onset is not None else FLOOR / 2
+    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < least * abs(there)
 
 
 def _alone(c: Candidate, s: Screened) -> tuple[str, float] | None:

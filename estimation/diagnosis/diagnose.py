@@ -35,12 +35,13 @@ from .refit import HELD, QUICKLY, comparable
 from .search import Search
 from .sizes_known import with_sizes_known
 from .verdict import Diagnosis
-from .words import CONTRADICTED
+from .words import CONTRADICTED, withdrawn
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
+SHORTER = 250.0  # s, of the same beside what held weights have left
 PATIENT = Options(
-    tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100
-)  # a hundredth of a deviation is near enough, and friction is rough
+    tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
+)  # a hundredth of a deviation is near enough, and friction is rough; what has not come to rest by then is left there
 SEARCH = 840.0  # s, from the beginning to the end of the search
 PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out
 
@@ -111,8 +112,13 @@ def diagnose(
         except (SolveError, InputError) as error:
             notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
-        notes.append(CONTRADICTED)
-        verdict = verdict if verdict == "unknown_physics" else "undecided"
+        if search.faint:
+            notes.append(withdrawn(search.findings, held_out))
+            search.withdraw()
+            verdict, held_out = search.verdict(), None
+        else:
+            notes.append(CONTRADICTED)
+            verdict = verdict if verdict == "unknown_physics" else "undecided"
     return Diagnosis(
         verdict=verdict,
         findings=tuple(search.findings),
@@ -152,6 +158,7 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     near = smoothed(", with weights from the forces' sizes", held) if hidden else None
     if near is not None and near.solver.converged:
         return near, HELD
+    weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
     found = smoothed("", weighed)
     if found is not None and not found.solver.converged and comparable(problem, found):
         found = smoothed(", from where it was left", onward, found) or found
@@ -163,7 +170,7 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
             return near, HELD
     tried = near or found
     near = near if near is not None and comparable(problem, near) else None
-    if near is not None and hidden:
+    if near is not None and hidden and found is not None:
         last = smoothed(", with weights from the data from there", weighed, near)
         if last is not None and last.solver.converged:
             return last, QUICKLY

@@ -156,6 +156,18 @@ class Linearised:
         return np.concatenate(parts)
 
     @cached_property
+    def force_rows(self) -> Index:
+        """Which of these rows are those of residual forces: place after place within each of an interval's, interval after interval."""
+        t, first, found = self.solution.transcription, 0, list[Index]()
+        for heavy in (False, True):
+            for term in t.nlp.terms:
+                if (term.equality or term.heavy) is heavy:
+                    if term.name == t.force_term:
+                        found.append(first + np.arange(term.target.size).reshape(term.target.T.shape).T)
+                    first += term.target.size
+        return np.hstack(found)
+
+    @cached_property
     def residual_forces(self) -> Columns:
         """The residual forces themselves, a column for every place: what a scale of all of them would do."""
         t = self.solution.transcription
@@ -208,6 +220,12 @@ class Drawn:
     base: Linearised
     squares: Array
     moved: Array
+
+    @property
+    def left(self) -> Array:
+        """All rows, trajectory and parameters projected out, (R + M, draws)."""
+        base, unknowns = self.base, len(self.base._kkt.free)
+        return np.concatenate([self.squares - base._J @ self.moved[:unknowns], -(base._softness[:, None] ** 0.5) * self.moved[unknowns:]])
 
     def b(self, columns: Columns) -> Array:
         """Scores of strengths, (n, draws): by the same draws of all of them, N(0, G)."""

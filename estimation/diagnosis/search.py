@@ -35,6 +35,7 @@ from .elimination import Bare
 from .findings import Judged, explained, finding, fitted_strengths, nameless, renewed, verdict
 from .fits import Base, Fits
 from .indistinct import indistinct
+from .lasting import lasting
 from .library import library
 from .offsets import counted_out
 from .onsets import dated, late, moved
@@ -45,6 +46,7 @@ from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
 from .supermodel import looked_at
 from .verdict import Class, Finding, Tried, Undetectable
+from .words import UNKNOWN
 from .worth import Worth, gains
 
 EFFECTS = 4
@@ -53,6 +55,7 @@ DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
+FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
@@ -99,11 +102,13 @@ class Search:
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
+    _first: Smoothing = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.bare = Bare(problem=self.problem, model=self.model)
+        self._first = self.result
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -405,6 +410,10 @@ class Search:
         if self._explained() >= UNEXPLAINED:
             self.notes.append(f"Unexplained at {worst}: a force of {force}.")
             return
+        if (lasts := lasting(sizes.base, worst, self.seed)) * share <= FLOOR:
+            kept = f"No more than {100 * lasts:.2g} % of it lasts"
+            self.notes.append(f"Left over at {worst}: a force of {force}. {kept}: it is noise, which W has, and nothing that is missing.")
+            return
         if not self._needed(worst, share):
             self.notes.append(
                 f"Left over at {worst}: a force of {force}. With next to none the recordings are as likely, so it is nothing."
@@ -431,6 +440,16 @@ class Search:
         """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""
         parts = [1.0 - (self.left.get(p, 0.0) / was) ** 2 for p, was in self.first_left.items() if was > FLOOR]
         return max(parts, default=1.0 if self.findings else 0.0)
+
+    @property
+    def faint(self) -> bool:
+        """Whether no finding is so sure that other recordings could not take it back."""
+        return not any(f.p_value < FAINT for f in self.findings)
+
+    def withdraw(self) -> None:
+        """The model as it was declared; of what was found only forces without a name stay."""
+        self.problem, self.model, self.result = self.bare.problem, self.bare.model, self._first
+        self.findings, self.accepted = [f for f in self.findings if f.explanation.physics == UNKNOWN], []
 
     def verdict(self) -> Class:
         """One word for what was found."""

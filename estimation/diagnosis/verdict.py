@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 EVERYWHERE = "whole record"  # the regime of what acts wherever the machine moves
-REFUTED = 0.05  # chance that windows are predicted as much worse, or worse still, by a model that is as good
+REFUTED = 0.1  # chance that windows are predicted as much worse, or worse still, by a model that is as good
 
 Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
 

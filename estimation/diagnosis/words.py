@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ..wording import listed, measured, probability
 from .verdict import EVERYWHERE, Diagnosis, Explanation, Finding, HeldOut, Strength
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
+
+
+def withdrawn(findings: Sequence[Finding], held_out: HeldOut) -> str:
+    """What was found by little evidence, and went out of the model again since what was held out speaks against it."""
+    told = [f"{f.explanation.words} ({probability(f.p_value)})" for f in findings if f.explanation.physics != UNKNOWN]
+    worse = f"{-held_out.improvement_percent:.3g} %"
+    return f"Not borne out: {listed(told)}, by what was fitted. Of what was held out prediction errors are {worse} larger with it."
 
 
 def sentence(found: Diagnosis) -> str:

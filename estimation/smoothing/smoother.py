@@ -85,7 +85,7 @@ def smoothing(
     """`smooth` as a part of something else: the recordings are known to tell something, and nothing is tried when it does not converge."""
     settings, say = settings or Settings(), progress or (lambda _: None)
     if settings.seconds < math.inf:
-        settings = replace(settings, options=replace(settings.options, seconds=settings.seconds))
+        settings = replace(settings, options=replace(settings.options, seconds=min(settings.options.seconds, settings.seconds)))
         say = _until(time.monotonic() + settings.seconds, say)
 
     first = Begun.at(begin) if isinstance(begin, Solution) else begin

@@ -57,6 +57,15 @@ def test_the_least_squares_are_those_of_a_dense_solver_with_and_without_bounds(b
         assert start[3] + found.X[3] == upper[3]
 
 
+def test_steps_that_may_take_no_time_leave_off_where_they_began() -> None:
+    solver, start = program()
+    wide = np.full(start.shape, np.inf)
+    values = solver.nlp.about(solver.nlp.values(PARAMETERS), start)
+    found = descend(solver.nlp, values, -wide, wide, 1e-9, 50, seconds=-1.0)
+    assert (found.iterations, found.solved, found.acceptable) == (0, False, False)
+    assert np.array_equal(found.X, np.zeros_like(start))
+
+
 def test_the_blocks_of_several_horizons_add_up_to_the_whole_matrix() -> None:
     solver, start = program(3)
     values = solver.nlp.about(solver.nlp.values(PARAMETERS), start)

@@ -12,7 +12,7 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal
+from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal, Since
 from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
@@ -37,7 +37,7 @@ from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted
 from backsight.estimation.diagnosis.score import Columns, Linearised
 from backsight.estimation.diagnosis.screen import Screen, Screened
-from backsight.estimation.diagnosis.shares import Sizes
+from backsight.estimation.diagnosis.shares import FLOOR, Sizes
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.estimation.diagnosis.verdict import Explanation, Strength
 from backsight.estimation.diagnosis.worth import Worth
@@ -277,6 +277,19 @@ def test_what_its_fit_leaves_hardly_anything_of_is_none(physics, value, is_nothi
     sizes = SimpleNamespace(shares=lambda _, strength: {"carriage": 0.01 * float(strength[0]) / (1.0 if zone else 2.0)})
     told = {path: SimpleNamespace(name=path, value=abs(value) if zone else value)}
     assert slight(c, s, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
+
+
+@pytest.mark.parametrize(("value", "all_along", "since"), [(0.8, True, True), (1.2, False, True), (2.2, False, False)])
+def test_what_sets_in_has_to_be_as_large_as_the_floor_all_of_it(value, all_along, since):
+    s = screened("carriage", "viscous_friction", 50.0)
+    s = replace(s, estimate=np.array([2.0]))
+    late = replace(s.candidate, edits=(*s.candidate.edits, Since(time=1.0, before=())))
+    assert late.onset == 1.0
+    sizes = SimpleNamespace(shares=lambda _, strength: {"carriage": FLOOR * float(strength[0]) / 2.0})
+    told = {s.candidate.strengths[0]: SimpleNamespace(name=s.candidate.strengths[0], value=value)}
+    for c, is_nothing in ((s.candidate, all_along), (late, since)):
+        fit = Fitted(candidate=c, result=SimpleNamespace(parameters=told))
+        assert slight(c, replace(s, look=replace(s.look, candidate=c)), fit, sizes) is is_nothing
 
 
 @pytest.mark.parametrize(

@@ -6,24 +6,42 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from concealed_axis import LEFT, posed, run
+from concealed_axis import LEFT, Force, posed, run
+from diagnoses import diagnosis as found
+from diagnoses import proof
 
 from backsight.estimation import Weights, smooth
 from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.lasting import lasting
 from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.search import Search
 from backsight.estimation.diagnosis.shares import FLOOR
+from backsight.estimation.diagnosis.words import withdrawn
 from backsight.estimation.smoothing.begun import force_stds
+
+SLOW = 3.0  # N, a force that nothing in the axis explains
+
+
+def begun(force: Force | None = None) -> Search:
+    """A search on an axis with a white force of LEFT [N sqrt(s)], its weight from the data; its time is over."""
+    problem = replace(posed(run(1.0, 2e-3, force=force)), weights=Weights())
+    fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=0.0)
+    return Search(problem=problem, model=problem.model, result=smooth(problem, settings=QUICKLY), fits=fits)
 
 
 @pytest.fixture(scope="module")
 def search() -> Search:
-    """An axis with a white force of LEFT [N sqrt(s)], its weight from the data; the time of the search is over."""
-    problem = replace(posed(run(1.0, 2e-3)), weights=Weights())
-    fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=0.0)
-    return Search(problem=problem, model=problem.model, result=smooth(problem, settings=QUICKLY), fits=fits)
+    return begun()
+
+
+@pytest.fixture(scope="module")
+def slow() -> Search:
+    """With a force that comes and goes in a seventh of a second."""
+    return begun(lambda t, _q, v: np.full_like(v, SLOW * np.sin(2 * np.pi * 7.0 * t)))
 
 
 def test_its_weight_is_that_of_the_force(search: Search) -> None:
@@ -36,10 +54,61 @@ def test_recordings_need_it_where_they_are_less_likely_with_so_many_times_less(s
     assert search._needed("carriage", less * FLOOR / 2) is needed
 
 
-@pytest.mark.parametrize("needed", [True, False])
-def test_it_becomes_a_finding_or_a_note(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def linearised(search: Search) -> Linearised:
+    assert search.result.solution is not None
+    return Linearised(search.result.solution)
+
+
+def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     search.findings, search.notes = [], []
     monkeypatch.setattr(Search, "_needed", lambda *_: needed)
-    search._unexplained(SimpleNamespace(left={"carriage": 2 * FLOOR}))  # type: ignore[arg-type]
-    assert [f.explanation.place for f in search.findings] == ["carriage"] * needed
-    assert [note.partition(":")[0] for note in search.notes] == ["Left over at carriage"] * (not needed)
+    left = SimpleNamespace(left={"carriage": 2 * FLOOR}, base=linearised(search))
+    search._unexplained(left)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("needed", [True, False])
+def test_it_becomes_a_finding_or_a_note(slow: Search, needed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    left_over(slow, needed, monkeypatch)
+    assert [f.explanation.place for f in slow.findings] == ["carriage"] * needed
+    assert [note.partition(":")[0] for note in slow.notes] == ["Left over at carriage"] * (not needed)
+
+
+def test_a_force_that_is_forgotten_at_once_is_noise(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    left_over(search, True, monkeypatch)
+    assert search.findings == []
+    assert search.notes[0].endswith("it is noise, which W has, and nothing that is missing.")
+
+
+def test_rows_of_forces_are_those_that_the_smoother_left(slow: Search) -> None:
+    base = linearised(slow)
+    t = base.solution.transcription
+    (rows,) = (r for term, r in zip(t.nlp.terms, base.solution.rows, strict=True) if term.name == t.force_term)
+    assert base.force_rows.shape == rows.shape
+    assert base.left[base.force_rows] == pytest.approx(rows, abs=1e-3 * float(np.abs(rows).max()))
+
+
+def test_the_share_that_lasts_is_that_of_what_comes_and_goes(search: Search, slow: Search) -> None:
+    both, one = (s.result.residual_places["carriage"].rms for s in (slow, search))
+    assert lasting(linearised(search), "carriage") < 0.4
+    assert lasting(linearised(slow), "carriage") == pytest.approx(SLOW / 2**0.5 / both, abs=0.1)
+    assert one < 0.5 * both
+
+
+@pytest.mark.parametrize(("chances", "faint"), [((0.03,), True), ((0.03, 1e-6), False), ((1e-6,), False)])
+def test_what_is_withdrawn_leaves_the_model_as_declared_and_forces_without_a_name(
+    search: Search, slow: Search, chances: tuple[float, ...], faint: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left_over(slow, True, monkeypatch)
+    (nameless,) = slow.findings
+    changed = Search(problem=search.problem, model=search.model, result=search.result, fits=search.fits)
+    changed.problem, changed.result = slow.problem, slow.result
+    changed.findings = [*(replace(found().findings[0], p_value=p) for p in chances), nameless]
+    assert changed.faint is faint
+    text = withdrawn(changed.findings, replace(proof(), improvement_percent=-12.0))
+    assert text.startswith("Not borne out: coulomb friction at carriage (p ")
+    assert "unknown" not in text
+    assert "12 % larger" in text
+    changed.withdraw()
+    assert changed.findings == [nameless]
+    assert (changed.problem, changed.result) == (search.problem, search.result)
+    assert changed.verdict() == "unknown_physics"
