@@ -7,6 +7,7 @@ and then the proof on what was held out. Everything is judged with trajectories,
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from functools import partial
@@ -42,6 +43,7 @@ SHORTER = 250.0  # s, of the same beside what held weights have left
 PATIENT = Options(
     tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
 )  # a hundredth of a deviation is near enough, and friction is rough; what has not come to rest by then is left there
+OF_BASE, AT_LEAST = 0.6, 60.0  # of the search's time, that the model as it is may take; s, that each way to it has all the same
 SEARCH = 840.0  # s, from the beginning to the end of the search
 PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out
 
@@ -73,7 +75,7 @@ def diagnose(
         steadied = with_offsets(with_heading(posed, problem.model))
 
         def based(other: Problem) -> tuple[Smoothing, Settings]:
-            return _base(other, Keep(keep, other), say)
+            return _base(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds)
 
         as_said = based(steadied)
         steadied, open_ones = with_sizes_known(steadied, as_said[0])
@@ -137,7 +139,7 @@ def diagnose(
     )
 
 
-def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Settings]:
+def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) -> tuple[Smoothing, Settings]:
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
@@ -145,10 +147,12 @@ def _base(problem: Problem, kept: Keep, say: Progress) -> tuple[Smoothing, Setti
     do not come to rest their parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and
     where they do not come to rest from there either, where the held ones were left. A model that does not come to rest in any way is taken
     as it was left with held ones: what it lacks may be what keeps it from that.
+    end: on the clock of `time.time`, by which it should be there.
     """
 
     def smoothed(what: str, way: Settings, begin: Smoothing | None = None) -> Smoothing | None:
         say(f"the model as it is{what}")
+        way = replace(way, seconds=min(way.seconds, max(end - time.time(), AT_LEAST)))
         call = partial(smoothing, problem, settings=way, begin=None if begin is None else begin.solution, progress=say)
         return kept.smoothed(kept.name(f"the model as it is{what}"), call)
 
