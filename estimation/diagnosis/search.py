@@ -56,6 +56,7 @@ HINT = 0.25  # of the floor: with as much left over and no other effect, couplin
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
+NAMELESS = 0.02  # of the forces at a place: a force that lasts, is no larger, and that nothing explains is no finding
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
@@ -410,9 +411,9 @@ class Search:
         if self._explained() >= UNEXPLAINED:
             self.notes.append(f"Unexplained at {worst}: a force of {force}.")
             return
-        if (lasts := lasting(sizes.base, worst, self.seed)) * share <= FLOOR:
-            kept = f"No more than {100 * lasts:.2g} % of it lasts"
-            self.notes.append(f"Left over at {worst}: a force of {force}. {kept}: it is noise, which W has, and nothing that is missing.")
+        if (lasts := lasting(sizes.base, worst, self.seed)) * share <= NAMELESS:
+            kept = f"{100 * lasts * share:.2g} % of them last for longer than noise, of which W tells"
+            self.notes.append(f"Left over at {worst}: a force of {force}. {kept}: too little for something that is missing.")
             return
         if not self._needed(worst, share):
             self.notes.append(

@@ -18,7 +18,7 @@ from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.lasting import lasting
 from backsight.estimation.diagnosis.refit import QUICKLY
 from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.search import Search
+from backsight.estimation.diagnosis.search import NAMELESS, Search
 from backsight.estimation.diagnosis.shares import FLOOR
 from backsight.estimation.diagnosis.words import withdrawn
 from backsight.estimation.smoothing.begun import force_stds
@@ -59,10 +59,10 @@ def linearised(search: Search) -> Linearised:
     return Linearised(search.result.solution)
 
 
-def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, share: float = 2 * NAMELESS) -> None:
     search.findings, search.notes = [], []
     monkeypatch.setattr(Search, "_needed", lambda *_: needed)
-    left = SimpleNamespace(left={"carriage": 2 * FLOOR}, base=linearised(search))
+    left = SimpleNamespace(left={"carriage": share}, base=linearised(search))
     search._unexplained(left)  # type: ignore[arg-type]
 
 
@@ -76,7 +76,14 @@ def test_it_becomes_a_finding_or_a_note(slow: Search, needed: bool, monkeypatch:
 def test_a_force_that_is_forgotten_at_once_is_noise(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(search, True, monkeypatch)
     assert search.findings == []
-    assert search.notes[0].endswith("it is noise, which W has, and nothing that is missing.")
+    assert search.notes[0].endswith("too little for something that is missing.")
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.9 * FLOOR, 0), (0.9 * NAMELESS, 1)])
+def test_a_force_that_lasts_and_is_small_is_a_note_at_most(slow: Search, share: float, told: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    left_over(slow, True, monkeypatch, share)
+    assert slow.findings == []
+    assert len(slow.notes) == told
 
 
 def test_rows_of_forces_are_those_that_the_smoother_left(slow: Search) -> None:
