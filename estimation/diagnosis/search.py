@@ -49,7 +49,7 @@ from .verdict import Class, Finding, Tried, Undetectable
 from .words import UNKNOWN
 from .worth import Worth, gains
 
-EFFECTS = 4
+EFFECTS = 6
 LAST, TRIES = 200.0, 200  # s, at least, and iterations of the fit that tells whether what is left over is needed
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
