@@ -1,7 +1,5 @@
 """The suite: all cases of all plants, numbered; one of them as a folder with a study and its recordings, and its truth beside."""
 
-import gzip
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..generators.bundle import packed
 from ..generators.concealed.effects import Effect, family
 from ..generators.concealed.rig import sensor_faults
 from . import actuator, drillstring, five_bar, quadrotor, xy_table
@@ -125,11 +124,7 @@ def _table(recording: Taken, errors: Mapping[str, float]) -> bytes:
     for y, column in recording.outputs.items():
         digits = int(np.ceil(-np.log10(errors[y] / 50)))
         columns.append([f"{round(float(x), digits) + 0.0:.9g}" for x in column])
-    text = "\n".join([",".join(names), *(",".join(row) for row in zip(*columns, strict=True))]) + "\n"
-    buffer = io.BytesIO()
-    with gzip.GzipFile(filename="", mode="wb", compresslevel=6, fileobj=buffer, mtime=0) as file:
-        file.write(text.encode("ascii"))
-    return buffer.getvalue()
+    return packed([",".join(names), *(",".join(row) for row in zip(*columns, strict=True))], level=6)
 
 
 def _truth(

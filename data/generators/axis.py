@@ -6,14 +6,12 @@ F is the motor force of a sampled position control (`servo.py`), n a white distu
 for estimation (strokes at several speeds), the other for validation (a sum of sines). The same seed writes the same bytes.
 """
 
-import argparse
-import gzip
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from .bundle import main, packed, written
 from .references import Reference, strokes, sum_of_sines
 from .run import Run
 from .servo import Encoder, Servo, Tracking
@@ -67,10 +65,7 @@ def compressed(run: Run) -> bytes:
     """The run as a gzipped CSV file that carries neither a name nor a date, so that equal runs are equal bytes."""
     rows = ["t_s,F_N,x_m"]
     rows += [f"{t:.3f},{f + 0.0:.2f},{x + 0.0:.6f}" for t, f, x in zip(run.time, run.inputs["F"], run.outputs["x"], strict=True)]
-    buffer = io.BytesIO()
-    with gzip.GzipFile(filename="", mode="wb", compresslevel=9, fileobj=buffer, mtime=0) as file:
-        file.write(("\n".join(rows) + "\n").encode("ascii"))
-    return buffer.getvalue()
+    return packed(rows)
 
 
 def card(seed: int = SEED) -> str:
@@ -124,18 +119,8 @@ def write(folder: Path, seed: int = SEED) -> list[Path]:
     """Write both recordings and their card into `folder`; returns the paths written."""
     contents = {f"{name}.csv.gz": compressed(record(name, seed)) for name in ("axis_fit", "axis_held_out")}
     contents["axis.md"] = card(seed).encode("utf-8")
-    for name, content in contents.items():
-        (folder / name).write_bytes(content)
-    return [folder / name for name in contents]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m backsight.data.generators.axis", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seed", type=int, default=SEED, help="seed of every random number (default: that of the bundled files)")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parents[1], help="folder to write to (default: the bundled files' own)")
-    arguments = parser.parse_args()
-    write(arguments.out, arguments.seed)
+    return written(folder, contents)
 
 
 if __name__ == "__main__":
-    main()
+    main("axis", __doc__ or "", SEED, write)

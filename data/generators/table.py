@@ -4,14 +4,12 @@ The table of `xy_table.py` with dry friction at every motor, under position cont
 of sines), the other for validation (steps). The same seed writes the same bytes.
 """
 
-import argparse
-import gzip
-import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from .bundle import main, packed, written
 from .concealed.rig import Setting, Trace, operate
 from .concealed.xy_table import CONDITIONS, Gantry, position
 from .run import clock
@@ -43,10 +41,7 @@ def compressed(trace: Trace) -> bytes:
     for k, t in enumerate(trace.time):
         read = [f"{round(float(outputs[name][k]), DIGITS[name]) + 0.0:.{DIGITS[name]}f}" for name in Gantry.outputs]
         rows.append(",".join([f"{t:.3f}", *(f"{u + 0.0:.3f}" for u in trace.commands[k]), *read]))
-    buffer = io.BytesIO()
-    with gzip.GzipFile(filename="", mode="wb", compresslevel=9, fileobj=buffer, mtime=0) as file:
-        file.write(("\n".join(rows) + "\n").encode("ascii"))
-    return buffer.getvalue()
+    return packed(rows)
 
 
 def column(output: str) -> str:
@@ -99,18 +94,8 @@ def write(folder: Path, seed: int = SEED) -> list[Path]:
     """Write both recordings and their card into `folder`; returns the paths written."""
     contents = {f"{name}.csv.gz": compressed(record(name, seed)) for name in MOTIONS}
     contents["table.md"] = card(seed).encode("utf-8")
-    for name, content in contents.items():
-        (folder / name).write_bytes(content)
-    return [folder / name for name in contents]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m backsight.data.generators.table", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seed", type=int, default=SEED, help="seed of every random number (default: that of the bundled files)")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parents[1], help="folder to write to (default: the bundled files' own)")
-    arguments = parser.parse_args()
-    write(arguments.out, arguments.seed)
+    return written(folder, contents)
 
 
 if __name__ == "__main__":
-    main()
+    main("table", __doc__ or "", SEED, write)
