@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 import subprocess
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from scipy.stats import beta
+
+from backsight.data.cases import numbered
 
 INTERRUPTED = 130  # what a command that was interrupted returns
 DEFINITE = ("parameter", "sensor", "input", "missing_physics")
@@ -93,6 +96,28 @@ def judge(truth: dict[str, Any], kept: dict[str, Any]) -> dict[str, Any]:
     row |= {"place": place / n, "inside": inside / n, "member": member / n, "errors": errors, "covers": covers}
     row["confident_and_wrong"] = verdict in DEFINITE and (not right or inside == 0)
     return row
+
+
+def asked(about: str | None) -> argparse.ArgumentParser:
+    """The command line of a study of the suite's cases."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("prove_out"))
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--plants", default="")
+    parser.add_argument("--cases", default="")
+    return parser
+
+
+def wanted(parser: argparse.ArgumentParser, given: argparse.Namespace) -> list[str]:
+    """Names of the cases that were asked for; ends where the folder has cases of another seed."""
+    given.out.mkdir(parents=True, exist_ok=True)
+    drawn = given.out / "seed.txt"
+    if drawn.exists() and drawn.read_text(encoding="utf-8") != str(given.seed):
+        parser.error(f"{given.out} has cases of seed {drawn.read_text(encoding='utf-8')}; name another folder for seed {given.seed}")
+    drawn.write_text(str(given.seed), encoding="utf-8")
+    plants, ids = ([word for word in text.split(",") if word] for text in (given.plants, given.cases))
+    named = {f"c{number:03d}": bench.plant for number, (bench, _) in enumerate(numbered(), start=1)}
+    return [c for c, plant in named.items() if (not plants or plant in plants) and (not ids or c in ids)]
 
 
 def limits(k: int, n: int) -> str:

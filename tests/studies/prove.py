@@ -9,18 +9,16 @@ their Clopper-Pearson limits (95 %, one-sided).
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from blind import judge, limits, run
+from blind import asked, judge, limits, run, wanted
 
-from backsight.data.cases import make_case, numbered
+from backsight.data.cases import make_case
 
 VERDICTS = ("none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided")
 
@@ -75,24 +73,14 @@ def board(rows: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Make the suite, run what is not there yet, print the scorecard."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("prove_out"))
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--plants", default="")
-    parser.add_argument("--cases", default="")
+    parser = asked(__doc__)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--limit", type=float, default=1200.0)
     given = parser.parse_args()
+    names = wanted(parser, given)
     cases, truths, results = (given.out / name for name in ("cases", "truth", "results"))
     results.mkdir(parents=True, exist_ok=True)
-    drawn = given.out / "seed.txt"
-    if drawn.exists() and drawn.read_text(encoding="utf-8") != str(given.seed):
-        parser.error(f"{given.out} has cases of seed {drawn.read_text(encoding='utf-8')}; name another folder for seed {given.seed}")
-    drawn.write_text(str(given.seed), encoding="utf-8")
-    plants, ids = given.plants.split(",") if given.plants else [], given.cases.split(",") if given.cases else []
-    named = {f"c{number:03d}": bench.plant for number, (bench, _) in enumerate(numbered(), start=1)}
-    wanted = [c for c, plant in named.items() if (not plants or plant in plants) and (not ids or c in ids)]
-    left = [c for c in wanted if not (results / f"{c}.json").exists()]
+    left = [c for c in names if not (results / f"{c}.json").exists()]
 
     def one(case: str) -> None:
         if not (truths / f"{case}.json").exists():
@@ -103,7 +91,7 @@ def main() -> None:
         for number, _ in enumerate(pool.map(one, left)):
             sys.stderr.write(f"{number + 1} of {len(left)}: {left[number]}\n")
     rows = []
-    for case in wanted:
+    for case in names:
         kept = json.loads((results / f"{case}.json").read_text(encoding="utf-8"))
         said = [f"{f.get('physics')} at {f.get('place')}" for f in kept["answer"].get("findings") or []]
         truth = json.loads((truths / f"{case}.json").read_text(encoding="utf-8"))

@@ -16,20 +16,18 @@ Where a state of the balances is not shown by the outputs neither can be used. P
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from blind import judge, limits
+from blind import asked, judge, limits, wanted
 from pysindy import STLSQ
 
-from backsight.data.cases import make_case, numbered
+from backsight.data.cases import make_case
 from backsight.estimation import Problem
 from backsight.estimation.classical.balances import Balances, linear_balances
 from backsight.estimation.classical.filtered_least_squares import zero_phase
@@ -175,21 +173,13 @@ def table(rows: dict[str, list[dict[str, Any]]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("prove_out"))
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--plants", default="")
-    parser.add_argument("--cases", default="")
+    parser = asked(__doc__)
     parser.add_argument("--cutoff", type=float, default=25.0, help="Hz of the low-pass")
     given = parser.parse_args()
-    plants, ids = ([word for word in text.split(",") if word] for text in (given.plants, given.cases))
     rows: dict[str, list[dict[str, Any]]] = {"regress": [], "sparse": [], "backsight": []}
-    for number, (bench, _) in enumerate(numbered(), start=1):
-        case = f"c{number:03d}"
-        if (plants and bench.plant not in plants) or (ids and case not in ids):
-            continue
+    for case in wanted(parser, given):
         if not (given.out / "truth" / f"{case}.json").exists():
-            make_case(number, given.out / "cases", given.out / "truth", given.seed)
+            make_case(int(case[1:]), given.out / "cases", given.out / "truth", given.seed)
         truth = json.loads((given.out / "truth" / f"{case}.json").read_text(encoding="utf-8"))
         problem = Study.read(given.out / "cases" / case / "study.toml").problem()
         posed = replace(problem, recordings=[r for r in problem.recordings if r.role == "fit"])
