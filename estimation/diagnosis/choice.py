@@ -16,7 +16,7 @@ from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
 from .refit import HOLDING, Fitted
 from .screen import SURE, Screen, Screened
-from .shares import FLOOR, Sizes, leaves_more
+from .shares import FLOOR, Sizes
 from .verdict import Explanation, Strength
 
 T = TypeVar("T")
@@ -165,59 +165,6 @@ def sound(c: Candidate, f: Fitted) -> bool:
     for p in told:
         alike.setdefault(p.unit, []).append((p.std or 0.0, abs(p.value - nothing.get(p.name, c.neutral(p.name)))))
     return all(max(std for std, _ in one) < spread * max(size for _, size in one) for one in alike.values())
-
-
-def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
-    """Whether its fit made it so small that its force is less than half of the floor, or, of what sets in, the floor, at every place.
-
-    Play by what its coupling bears differently, k gap/2: less than that mends what a mesh of one interval a sample cannot follow. Others
-    by what they were at their score: an effect goes with its one strength, and a dead zone's with its width.
-    """
-    if f.result is None:
-        return False
-    if "gap" in c.named:
-        spot = c.named["gap"].rpartition(".")[0]
-        gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
-        known = [size for size in sizes.forces.values() if np.isfinite(size)]
-        return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
-    if s is None or (alone := _alone(c, s)) is None:
-        return False
-    path, there = alone
-    share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
-    least = FLOOR if c.onset is not None else FLOOR / 2
-    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < least * abs(there)
-
-
-def _alone(c: Candidate, s: Screened) -> tuple[str, float] | None:
-    """The one parameter that a force goes with, and what it was at the score; None where there is no such one."""
-    if c.family == "sensor" or c.absorbs or c.quadrature:
-        return None
-    if c.signals:
-        width = c.named.get("width", "")
-        return (width, s.look.shape[width]) if width in s.look.shape else None
-    return (c.strengths[0], float(s.estimate[0])) if len(c.strengths) == 1 else None
-
-
-def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> bool:
-    """Whether it is one more law of a family of which a place has two already, and takes less than the floor from what is left there.
-
-    Real friction follows no formula: a third one mends a little of the first two, and their numbers, which were right, bend for it.
-    """
-    had = [a for a in accepted if (a.place, a.family) == (c.place, c.family) and not c.replaces(a)]
-    if len(had) < 2 or f.result is None:
-        return False
-    was, now = before.residual_places.get(c.place), f.result.residual_places.get(c.place)
-    return was is not None and now is not None and was.rms**2 - now.rms**2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
-
-
-def misleading(c: Candidate, f: Fitted, sizes: Sizes) -> bool:
-    """Whether it is a fault of a sensor or an input with which more forces are left over than without it.
-
-    Such a fault leaves the forces as they are: what is one takes forces away that stood for it.
-    """
-    if c.family not in SIGNALS or f.problem is None or (whole := f.whole) is None:
-        return False
-    return leaves_more(f.problem, whole, sizes)
 
 
 def clear(s: Screened | None, f: Fitted) -> bool:

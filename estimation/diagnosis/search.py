@@ -12,7 +12,6 @@ from backsight.models import Model
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
-from ..smoothing.begun import force_stds
 from ..smoothing.program import Settings
 from .candidates import Candidate
 from .choice import (
@@ -23,24 +22,22 @@ from .choice import (
     explaining,
     held_unseen,
     idle,
-    misleading,
     simplest,
-    slight,
     sound,
     steady,
     stood_for,
-    trifling,
 )
 from .elimination import Bare
-from .findings import Judged, explained, finding, fitted_strengths, nameless, renewed, verdict
+from .findings import Judged, explained, finding, fitted_strengths, renewed, verdict
 from .fits import Base, Fits
 from .indistinct import indistinct
-from .lasting import lasting
+from .left_over import UNEXPLAINED, LeftOver
 from .library import library
 from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
+from .refusals import why_not
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
@@ -50,16 +47,13 @@ from .words import UNKNOWN
 from .worth import Worth, gains
 
 EFFECTS = 6
-LAST, TRIES = 200.0, 200  # s, at least, and iterations of the fit that tells whether what is left over is needed
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
-NAMELESS = 0.02  # of the forces at a place: a force that lasts, is no larger, and that nothing explains is no finding
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
-UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,16 +282,12 @@ class Search:
             dear = self._fits([(c, None) for c in candidates if c.dear and self._left_near(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
-        self._remember(fits)
-        good = [(c, s, f) for c, s, f in fits if clear(s, f) and sound(c, f) and not slight(c, s, f, sizes)]
-        good = [(c, s, f) for c, s, f in good if not trifling(c, f, self.accepted, self.result, sizes)]
-        good = [(c, s, f) for c, s, f in good if not misleading(c, f, sizes)]
+        good = self._borne_out(fits, sizes)
         if not good and (constant := steady(self.result, candidates, sizes)):
             without = counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
             last = _gained(self._fits([(c, None) for c in constant]), replace(now, nats=now.nats + without))
-            self._remember(last)
             fits = [*fits, *last]
-            good = [(c, s, f) for c, s, f in last if clear(s, f) and sound(c, f)]
+            good = self._borne_out(last, sizes)
         if not good:
             return False
         best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
@@ -346,10 +336,17 @@ class Search:
         joined = {merged.get(name, name) for name in joined_to(self.model, place)}
         return max((self.left[name] for name in joined if name in self.left), default=most)
 
-    def _remember(self, fits: list[Judged]) -> None:
+    def _borne_out(self, fits: list[Judged], sizes: Sizes) -> list[Judged]:
+        """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
+        good = list[Judged]()
         for c, s, f in fits:
+            told = clear(s, f)
+            refused = f.failed or (why_not(c, s, f, self.accepted, self.result, sizes) if told else "")
+            if told and not refused:
+                good.append((c, s, f))
             gained = f.gain if np.isfinite(f.gain) else None
-            self.tried.append(Tried(explanation=explained(c, f.result), predicted=s.gain if s else 0.0, fitted=gained, refused=f.failed))
+            self.tried.append(Tried(explanation=explained(c, f.result), predicted=s.gain if s else 0.0, fitted=gained, refused=refused))
+        return good
 
     def _keep(
         self,
@@ -403,44 +400,11 @@ class Search:
 
     def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
-        worst, share = max(sizes.left.items(), key=lambda item: item[1], default=("", 0.0))
-        if share <= FLOOR:
-            return
-        summary = self.result.residual_places[worst]
-        force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
-        if self._explained() >= UNEXPLAINED:
-            self.notes.append(f"Unexplained at {worst}: a force of {force}.")
-            return
-        if (lasts := lasting(sizes.base, worst, self.seed)) * share <= NAMELESS:
-            kept = f"{100 * lasts * share:.2g} % of them last for longer than noise, of which W tells"
-            self.notes.append(f"Left over at {worst}: a force of {force}. {kept}: too little for something that is missing.")
-            return
-        if not self._needed(worst, share):
-            self.notes.append(
-                f"Left over at {worst}: a force of {force}. With next to none the recordings are as likely, so it is nothing."
-            )
-            return
-        self.findings.insert(0, nameless(worst, share, summary, self.tried, self.problem))
-
-    def _needed(self, place: str, share: float) -> bool:
-        """Whether the recordings need the force that is left over at a place: with as little as does not matter they are less likely.
-
-        On a body that no output shows it may be any: its weight is hardly told, and the most likely one is not nothing.
-        """
-        if self.result.solution is None or not self.settings.weigh:
-            return True
-        little = force_stds(self.result.solution)[place] * FLOOR / 2 / share
-        weights = replace(self.problem.weights, W={**self.problem.weights.W, place: little})
-        problem = settled(replace(self.problem, weights=weights), self.result)
-        self.fits.say(f"with next to no force at {place}")
-        patient = replace(self.settings, options=replace(self.settings.options, max_iterations=TRIES))
-        found = self.fits.again(replace(self._base, settings=patient), problem, f"with next to no force at {place}", least=LAST)
-        return found is None or not self._worth(problem, found).over(self.now) > -CLEAR
-
-    def _explained(self) -> float:
-        """Share of the variance of the left-over forces that mattered at first and is explained now, of the place where that is most."""
-        parts = [1.0 - (self.left.get(p, 0.0) / was) ** 2 for p, was in self.first_left.items() if was > FLOOR]
-        return max(parts, default=1.0 if self.findings else 0.0)
+        rest = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed).told(self.tried)
+        if isinstance(rest, Finding):
+            self.findings.insert(0, rest)
+        elif rest:
+            self.notes.append(rest)
 
     @property
     def faint(self) -> bool:

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from concealed_axis import posed, run
+from screened import screened
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal, Since
+from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal
 from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
@@ -24,30 +25,18 @@ from backsight.estimation.diagnosis.choice import (
     held_unseen,
     idle,
     matters,
-    misleading,
     simpler_there,
     simplest,
-    slight,
     sound,
     stood_for,
-    trifling,
 )
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.score import Columns, Linearised
 from backsight.estimation.diagnosis.screen import Screen, Screened
-from backsight.estimation.diagnosis.shares import FLOOR, Sizes
-from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.verdict import Explanation, Strength
-from backsight.estimation.diagnosis.worth import Worth
 from backsight.models.mechanics.translational import PositionDependentFriction
-
-
-def screened(place: str, physics: str, gain: float, size: int = 1) -> Screened:
-    c = Candidate(place=place, family="friction", physics=physics, strengths=tuple(f"{physics}.{i}" for i in range(size)))
-    nothing = Columns(squares=np.zeros((0, size)), multiplied=np.zeros((0, size)))
-    return Screened(look=Look(candidate=c, shape={}, columns=nothing), gain=gain, estimate=np.ones(size), std=np.ones(size), freedom=size)
 
 
 def screen(*found: Screened) -> Screen:
@@ -164,37 +153,6 @@ def test_a_logarithm_that_nothing_is_left_of_is_coulomb_friction(b, std, physics
     assert found.parameters.get("tau_c", found.parameters.get("c")).value == 0.23
 
 
-@pytest.mark.parametrize(("already", "left", "out"), [(2, 0.9, True), (2, 0.5, False), (1, 0.9, False)])
-def test_a_third_law_of_one_family_has_to_take_as_much_as_matters_from_what_is_left(already, left, out):
-    def result(rms: float) -> SimpleNamespace:
-        return SimpleNamespace(residual_places={"carriage": SimpleNamespace(rms=rms)})
-
-    words = ("coulomb_friction", "asymmetric_friction")
-    accepted = [Candidate(place="carriage", family="friction", physics=w, strengths=(w,)) for w in words[:already]]
-    c = Candidate(place="carriage", family="friction", physics="logarithmic_friction", strengths=("log.b",))
-    sizes = SimpleNamespace(forces={"carriage": 60.0})  # 1 % of which are 0.6
-    assert trifling(c, Fitted(candidate=c, result=result(left)), accepted, result(1.0), sizes) is out
-
-
-@pytest.mark.parametrize("family", ["actuator", "friction"])
-def test_a_fault_of_an_input_with_which_more_is_left_over_explains_nothing(family):
-    """Coulomb friction of 20 N and an input read 40 % too large or right, smoothed without the friction; W as the data have it."""
-    made = run(1.0, 2e-3, f_c=20.0)
-    right = posed(made, W={})
-    wrong = replace(right, recordings=[replace(r, inputs={"F": 1.4 * r.inputs["F"]}) for r in right.recordings])
-    wrong = replace(wrong, parameters={**wrong.parameters, "carriage.m": 95.0})
-    fits = []
-    for problem in (right, wrong):
-        result = smooth(problem)
-        assert result.solution is not None
-        candidate = Candidate(place="input:F", family=family, physics="input_gain")
-        fitted = Fitted(candidate=candidate, problem=problem, result=result, worth=Worth(nats=0.0, solution=result.solution))
-        fits.append((candidate, fitted, Sizes(problem, result, Linearised(result.solution))))
-    (c, better, small), (_, worse, large) = fits
-    assert misleading(c, worse, small) is (family == "actuator")
-    assert misleading(c, better, large) is False
-
-
 @pytest.mark.parametrize(("friction", "family", "told"), [(0.0, "sensor", True), (20.0, "sensor", False), (20.0, "friction", True)])
 def test_a_sensor_explains_no_motion_while_its_errors_are_coloured(friction, family, told):
     """The friction of 20 N is in no model: what a sensor was found to do does not stand for it."""
@@ -250,46 +208,6 @@ def test_play_is_told_by_its_gap_and_a_level_that_waves_by_its_waves():
     preslides = Candidate(place="carriage", family="friction", physics="presliding_friction", edits=edits, start=bent)
     for std, is_one in ((2.0, True), (5.0, False)):
         assert sound(preslides, Fitted(candidate=preslides, result=told(sigma_0=(10.0, std), f_c=(20.0, 0.1)))) is is_one
-
-
-@pytest.mark.parametrize(("gap", "is_nothing"), [(5e-5, True), (0.01, False)])
-def test_play_that_hardly_unloads_its_shaft_is_none(gap, is_nothing):
-    told = {name: SimpleNamespace(name=name, value=value) for name, value in (("shaft.gap", gap), ("shaft.k", 60.0))}
-    c = Candidate(place="shaft", family="transmission", physics="backlash", start={"shaft.gap": (gap, 0, 1)}, named={"gap": "shaft.gap"})
-    sizes = SimpleNamespace(forces={"motor": 2.5, "load": 2.5})
-    assert slight(c, None, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
-
-
-@pytest.mark.parametrize(("value", "is_nothing"), [(0.1, True), (1.2, False), (-1.2, False)])
-@pytest.mark.parametrize("physics", ["viscous_friction", "input_dead_zone"])
-def test_what_its_fit_leaves_hardly_anything_of_is_none(physics, value, is_nothing):
-    """At its score, with 2 of the strength, it was 1 % of the forces."""
-    zone = physics == "input_dead_zone"
-    s = screened("carriage", physics, 50.0)
-    path = "zone.width" if zone else s.candidate.strengths[0]
-    more = (
-        {"signals": (Signal(of=("input:F",), changed=np.add, start={path: 2.0}),), "named": {"width": path}, "strengths": ()}
-        if zone
-        else {}
-    )
-    c = replace(s.candidate, **more)
-    s = replace(s, look=replace(s.look, candidate=c, shape={path: 2.0} if zone else {}), estimate=np.array([0.7 if zone else 2.0]))
-    sizes = SimpleNamespace(shares=lambda _, strength: {"carriage": 0.01 * float(strength[0]) / (1.0 if zone else 2.0)})
-    told = {path: SimpleNamespace(name=path, value=abs(value) if zone else value)}
-    assert slight(c, s, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
-
-
-@pytest.mark.parametrize(("value", "all_along", "since"), [(0.8, True, True), (1.2, False, True), (2.2, False, False)])
-def test_what_sets_in_has_to_be_as_large_as_the_floor_all_of_it(value, all_along, since):
-    s = screened("carriage", "viscous_friction", 50.0)
-    s = replace(s, estimate=np.array([2.0]))
-    late = replace(s.candidate, edits=(*s.candidate.edits, Since(time=1.0, before=())))
-    assert late.onset == 1.0
-    sizes = SimpleNamespace(shares=lambda _, strength: {"carriage": FLOOR * float(strength[0]) / 2.0})
-    told = {s.candidate.strengths[0]: SimpleNamespace(name=s.candidate.strengths[0], value=value)}
-    for c, is_nothing in ((s.candidate, all_along), (late, since)):
-        fit = Fitted(candidate=c, result=SimpleNamespace(parameters=told))
-        assert slight(c, replace(s, look=replace(s.look, candidate=c)), fit, sizes) is is_nothing
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,10 @@ from backsight.estimation import Weights, smooth
 from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.lasting import lasting
+from backsight.estimation.diagnosis.left_over import NAMELESS, LeftOver
 from backsight.estimation.diagnosis.refit import QUICKLY
 from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.search import NAMELESS, Search
+from backsight.estimation.diagnosis.search import Search
 from backsight.estimation.diagnosis.shares import FLOOR
 from backsight.estimation.diagnosis.words import withdrawn
 from backsight.estimation.smoothing.begun import force_stds
@@ -51,7 +52,9 @@ def test_its_weight_is_that_of_the_force(search: Search) -> None:
 
 @pytest.mark.parametrize(("less", "needed"), [(1.02, False), (8.0, True), (100.0, True)])
 def test_recordings_need_it_where_they_are_less_likely_with_so_many_times_less(search: Search, less: float, needed: bool) -> None:
-    assert search._needed("carriage", less * FLOOR / 2) is needed
+    sizes = SimpleNamespace(left={"carriage": less * FLOOR / 2})
+    rest = LeftOver(base=search._base, sizes=sizes, first={}, fits=search.fits)  # type: ignore[arg-type]
+    assert rest.needed("carriage") is needed
 
 
 def linearised(search: Search) -> Linearised:
@@ -61,7 +64,7 @@ def linearised(search: Search) -> Linearised:
 
 def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, share: float = 2 * NAMELESS) -> None:
     search.findings, search.notes = [], []
-    monkeypatch.setattr(Search, "_needed", lambda *_: needed)
+    monkeypatch.setattr(LeftOver, "needed", lambda *_: needed)
     left = SimpleNamespace(left={"carriage": share}, base=linearised(search))
     search._unexplained(left)  # type: ignore[arg-type]
 

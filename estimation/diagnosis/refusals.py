@@ -1,0 +1,101 @@
+"""Why a fit that brought enough evidence is no explanation all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..results import Smoothing
+from .candidates import Candidate
+from .choice import SIGNALS, sound
+from .findings import fitted_strengths
+from .refit import Fitted
+from .screen import Screened
+from .shares import FLOOR, Sizes, leaves_more
+
+LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
+
+
+def why_not(c: Candidate, s: Screened | None, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> str:
+    """What speaks against a fit, in words; "" where nothing does.
+
+    accepted: what the model has already; before: its result; sizes: its forces.
+    """
+    if not sound(c, f):
+        return "its strength is not told, or none that it can have"
+    if slight(c, s, f, sizes):
+        return "too small to matter"
+    if trifling(c, f, accepted, before, sizes):
+        return "one more law of a kind of which there are two, and it hardly helps"
+    if misleading(c, f, sizes):
+        return "more force is left over with it than without"
+    if stands_in(c, s, f, before, sizes):
+        return "it takes the place of forces that the model explains, and leaves as much over"
+    return ""
+
+
+def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
+    """Whether its fit made it so small that its force is less than half of the floor, or, of what sets in, the floor, at every place.
+
+    Play by what its coupling bears differently, k gap/2: less than that mends what a mesh of one interval a sample cannot follow. Others
+    by what they were at their score: an effect goes with its one strength, and a dead zone's with its width.
+    """
+    if f.result is None:
+        return False
+    if "gap" in c.named:
+        spot = c.named["gap"].rpartition(".")[0]
+        gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
+        known = [size for size in sizes.forces.values() if np.isfinite(size)]
+        return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
+    if s is None or (alone := _alone(c, s)) is None:
+        return False
+    path, there = alone
+    share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
+    least = FLOOR if c.onset is not None else FLOOR / 2
+    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < least * abs(there)
+
+
+def _alone(c: Candidate, s: Screened) -> tuple[str, float] | None:
+    """The one parameter that a force goes with, and what it was at the score; None where there is no such one."""
+    if c.family == "sensor" or c.absorbs or c.quadrature:
+        return None
+    if c.signals:
+        width = c.named.get("width", "")
+        return (width, s.look.shape[width]) if width in s.look.shape else None
+    return (c.strengths[0], float(s.estimate[0])) if len(c.strengths) == 1 else None
+
+
+def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> bool:
+    """Whether it is one more law of a family of which a place has two already, and takes less than the floor from what is left there.
+
+    Real friction follows no formula: a third one mends a little of the first two, and their numbers, which were right, bend for it.
+    """
+    had = [a for a in accepted if (a.place, a.family) == (c.place, c.family) and not c.replaces(a)]
+    if len(had) < 2 or f.result is None:
+        return False
+    was, now = before.residual_places.get(c.place), f.result.residual_places.get(c.place)
+    return was is not None and now is not None and was.rms**2 - now.rms**2 < (FLOOR * sizes.forces.get(c.place, 0.0)) ** 2
+
+
+def misleading(c: Candidate, f: Fitted, sizes: Sizes) -> bool:
+    """Whether it is a fault of a sensor or an input with which more forces are left over than without it.
+
+    Such a fault leaves the forces as they are: what is one takes forces away that stood for it.
+    """
+    if c.family not in SIGNALS or f.problem is None or (whole := f.whole) is None:
+        return False
+    return leaves_more(f.problem, whole, sizes)
+
+
+def stands_in(c: Candidate, s: Screened | None, f: Fitted, before: Smoothing, sizes: Sizes) -> bool:
+    """Whether it is a constant force far larger than all that varies at its place, of which next to nothing was left over there.
+
+    Then a parameter of the model gave way to it: of a body that hovers a constant force can take the thrust's place, and a thrust that
+    hardly varies with the speeds of its propellers spares the model the torques that these should bring and do not.
+    """
+    if c.physics != "constant_force" or c.onset is not None or s is None or f.result is None:
+        return False
+    left = {name: summary.rms for name, summary in before.residual_places.items()}
+    shares = sizes.shares(s.look, fitted_strengths(c, f.result))
+    return any(x > LARGE and left.get(place, np.inf) < SEEN * x * sizes.varying[place] for place, x in shares.items())
