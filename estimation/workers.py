@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import socket
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
@@ -55,6 +56,24 @@ def as_finished(pool: Executor, calls: Iterable[tuple[K, Callable[[], T]]], ahea
             return
         for future in wait(under_way, return_when=FIRST_COMPLETED).done:
             yield under_way.pop(future), future.result()
+
+
+def in_order(calls: Iterable[Callable[[], T]], threads: int) -> Iterator[T]:
+    """The result of every call, in order, a few at a time in threads of this process: of what leaves the interpreter while it works.
+
+    The next call is drawn, here, when fewer than `threads` wait for their turn. Raises what a call raises.
+    """
+    if threads < 2:
+        yield from (call() for call in calls)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        under_way = deque[Future[T]]()
+        for call in calls:
+            under_way.append(pool.submit(call))
+            if len(under_way) > threads:
+                yield under_way.popleft().result()
+        while under_way:
+            yield under_way.popleft().result()
 
 
 def check_workers(jobs: int, scheduler: str | None) -> None:

@@ -42,7 +42,7 @@ SAME = 0.99999  # correlation of two effects of which one fit stands for both
 def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
 
-    The best of all, and the best of every place: what no output shows at once is scored less well than it fits, and far from the truth a
+    The best of all, and the best of every balance: what no output shows at once is scored less well than it fits, and far from the truth a
     gain says little of what an effect is worth. Beside a law of several strengths the simplest of its family is fitted too: scores go by
     straight lines, and the richer one may end in a worse valley.
     """
@@ -56,17 +56,24 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
             worth.append(s)
     most = max((s.gain for s in worth), default=0.0)
     best = [s for s in worth if s.gain >= WORTH * most][:FITTED]
-    places = Counter(s.candidate.place for s in best)
+    places = Counter(_balance(s, sizes) for s in best)
     for s in worth:
-        if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[s.candidate.place] < EACH and len(best) < MOST:
+        if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[there := _balance(s, sizes)] < EACH and len(best) < MOST:
             best.append(s)
-            places[s.candidate.place] += 1
+            places[there] += 1
     best += [s for s in sorted(worth, key=lambda s: -s.worth)[:SURELY] if s not in best]
     for s in tuple(best):
         simple = simplest_beside(s, likely)
         if simple is not None and simple not in best:
             best.append(simple)
     return best
+
+
+def _balance(s: Screened, sizes: Sizes) -> str:
+    """Its place; of a place with several balances, such as a body in space, with the one where its force is the largest share."""
+    place = s.candidate.place
+    shares = {} if place in sizes.names or s.candidate.signals else sizes.shares(s.look, s.estimate)
+    return f"{place} {max(shares, key=lambda name: shares[name])}" if any(shares.values()) else place
 
 
 def _likely(s: Screened, found: Screen, sizes: Sizes) -> bool:

@@ -85,7 +85,7 @@ def diagnose(
             problem=better,
             model=problem.model,
             result=first,
-            fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, better), say=say, end=end),
+            fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, better), say=say, end=end, jobs=jobs),
             settings=settings,
             seed=seed,
             held=tuple(steadied.recordings) if straight else None,

@@ -43,13 +43,17 @@ class Base:
 
 @dataclass(frozen=True, kw_only=True)
 class Fits:
-    """Where fits run and stay. ahead: how many at once; end: on the clock of `time.time`, after which none begins."""
+    """Where fits run and stay. ahead: how many at once; end: on the clock of `time.time`, after which none begins.
+
+    jobs: processors of this machine that are there for the rest.
+    """
 
     pool: Executor
     ahead: int
     kept: Keep
     say: Progress
     end: float
+    jobs: int = 1
 
     @property
     def left(self) -> float:

@@ -37,6 +37,14 @@ class QuadraticDrag(spatial.QuadraticDrag):
         return velocities(c.frame)[0]
 
 
+class DragMoment(spatial.DragMoment):
+    """In air that rests."""
+
+    def air_velocity(self, c: Any) -> Vector:
+        """Velocity of the body, in its axes."""
+        return velocities(c.frame)[0]
+
+
 def with_heading(problem: Problem, model: Model) -> Problem:
     """The problem with the heading of a body that nothing shows, counted from its start: a wind is constant in the axes of the earth."""
     bodies = {f"{name}.psi" for name, component in model.components.items() if isinstance(component, spatial.RigidBody)}
@@ -88,8 +96,8 @@ def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float])
 
 
 def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:
-    words = ("linear_drag", "quadratic_drag", "wind", "constant_force", "constant_torque", "coupling")
-    drag, square, wind, force, torque, off = (free_name(model, f"{word}_{body}") for word in words)
+    words = ("linear_drag", "quadratic_drag", "drag_moment", "wind", "constant_force", "constant_torque", "coupling")
+    drag, square, moment, wind, force, torque, off = (free_name(model, f"{word}_{body}") for word in words)
     whole = own_name(model, f"{body}.m")  # of all that is off the centre, or x and y would be those of another mass
     mass = max(values.get(whole, model.components[body].parameters["m"]), 1e-9)
     return [
@@ -110,6 +118,14 @@ def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Ca
             strengths=(f"{square}.c",),
             one_sided=True,
             named={"c": f"{square}.c"},
+        ),
+        Candidate(
+            place=body,
+            family="fluid",
+            physics="drag_moment",
+            edits=(Insert(place=body, component=DragMoment(), name=moment),),
+            strengths=(f"{moment}.c_x", f"{moment}.c_y"),
+            named={"c_x": f"{moment}.c_x", "c_y": f"{moment}.c_y"},
         ),
         Candidate(
             place=body,

@@ -16,12 +16,14 @@ leave correlation out: R. E. Chandler, S. Bate, Biometrika 94, 2007).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import chain, product
 
 import numpy as np
 
+from ..workers import in_order
 from .candidates import Candidate
 from .chance import DRAWS, Chance
 from .score import Columns, Drawn, Linearised, Scores
@@ -33,7 +35,7 @@ Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are projected out: less is rounding
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 UNTOLD = 1e-3  # of a strength's square: with that much that nobody tells it has no deviation
-BATCH = 256  # columns at a time
+BATCH = 128  # columns at a time
 SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
 PLAINLY, PART = 10.0, 0.02  # nats, and share of its gain, by which an effect has to gain more by setting in
@@ -92,33 +94,25 @@ class Screen:
         return float(np.linalg.svd(cross, compute_uv=False).min()) if cross.size else 0.0
 
 
-def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0, draws: int = DRAWS) -> Screen:
+def screen(
+    base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0, draws: int = DRAWS, threads: int = 1
+) -> Screen:
     """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed, draws: of chances."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
-    shapes = dict[int, list[Screened]]()
-    drawn, most = dict[int, Drawn](), np.zeros(draws)
-    for batch, at_rest in _batches(chain(told(base, looks), late)):
-        there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
-        scores, first = there.scores(joined), 0
-        if draws and id(there) not in drawn:
-            drawn[id(there)] = there.drawn(seed, draws)
-        b = drawn[id(there)].b(joined) if draws else np.empty((len(scores.b), 0))
-        for look in batch:
-            at = np.arange(first, first + len(look.columns))
-            first += len(look.columns)
-            one = Scores(b=scores.b[at], G=scores.G[np.ix_(at, at)], plain=scores.plain[at])
-            root = inverse_root(one.G, one.plain)
-            found = _judged(look, one, root)
+    shapes, most = dict[int, list[Screened]](), np.zeros(draws)
+    for scored in in_order(_scored(base, chain(told(base, looks), late), seed, draws), threads):
+        for found, gained in scored:
+            look = found.look
             if look.whole is None:
                 shapes.setdefault(id(look.candidate), []).append(found)
             if not found.freedom:
                 continue
-            most = np.maximum(most, _gained(look, replace(one, b=b[at]), root)[0])
+            most = np.maximum(most, gained)
             freedoms[found.freedom] += 1
             key = (True, id(look.whole)) if look.whole else (False, id(look.candidate))
             if key not in best or found.gain > best[key].gain:
                 best[key] = found
-    ordered = tuple(sorted(_inflated(base, _set_in(best)), key=lambda s: (-_adjusted(s), s.candidate.rank)))
+    ordered = tuple(sorted(_inflated(base, _set_in(best), threads), key=lambda s: (-_adjusted(s), s.candidate.rank)))
     close, first, columns = ordered[:CLOSE], 0, list[tuple[int, ...]]()
     for s in close:
         columns.append(tuple(range(first, first + len(s.look.columns))))
@@ -130,6 +124,27 @@ def screen(base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *
     )
     chance = Chance(looks=freedoms, most=most)
     return Screen(found=ordered, chance=chance, G=joint.G, plain=joint.plain, columns=tuple(columns), shapes=shapes)
+
+
+def _scored(base: Linearised, looks: Iterable[Look], seed: int, draws: int) -> Iterator[Callable[[], list[tuple[Screened, Array]]]]:
+    """Calls that give some looks with their scores, and what each would gain by every draw, (draws,)."""
+    drawn = dict[int, Drawn]()
+    for batch, at_rest in _batches(looks):
+        there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
+        if id(there) not in drawn:
+            drawn[id(there)] = there.drawn(seed, draws)
+        yield partial(_batch, batch, there, joined, drawn[id(there)])
+
+
+def _batch(batch: Sequence[Look], there: Linearised, joined: Columns, drawn: Drawn) -> list[tuple[Screened, Array]]:
+    scores, b, first, out = there.scores(joined), drawn.b(joined), 0, list[tuple[Screened, Array]]()
+    for look in batch:
+        at = np.arange(first, first + len(look.columns))
+        first += len(look.columns)
+        one = Scores(b=scores.b[at], G=scores.G[np.ix_(at, at)], plain=scores.plain[at])
+        root = inverse_root(one.G, one.plain)
+        out.append((_judged(look, one, root), _gained(look, replace(one, b=b[at]), root)[0]))
+    return out
 
 
 def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
@@ -164,17 +179,21 @@ def plainly(late: float, whole: float) -> bool:
     return late - whole > max(PLAINLY, PART * whole)
 
 
-def _inflated(base: Linearised, found: list[Screened]) -> list[Screened]:
+def _inflated(base: Linearised, found: list[Screened], threads: int) -> list[Screened]:
     """With the inflation of their scores."""
-    of, inflated = {id(s.look): s for s in found}, list[Screened]()
-    for batch, at_rest in _batches([s.look for s in found]):
-        there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
-        effects, first = there.effects(joined), 0
+    of = {id(s.look): s for s in found}
+
+    def inflated(batch: Sequence[Look], there: Linearised, joined: Columns) -> list[Screened]:
+        effects, first, out = there.effects(joined), 0, list[Screened]()
         for look in batch:
             s, last = of[id(look)], first + len(look.columns)
-            inflated.append(replace(s, inflation=inflation(effects[:, first:last] @ s.estimate, there.left, there.intervals)))
+            out.append(replace(s, inflation=inflation(effects[:, first:last] @ s.estimate, there.left, there.intervals)))
             first = last
-    return inflated
+        return out
+
+    batches = _batches([s.look for s in found])
+    calls = (partial(inflated, batch, *seen(base, Columns.joined([o.columns for o in batch]), at_rest)) for batch, at_rest in batches)
+    return list(chain.from_iterable(in_order(calls, threads)))
 
 
 def inflation(effect: Array, left: Array, intervals: Index) -> float:

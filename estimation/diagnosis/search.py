@@ -239,7 +239,10 @@ class Search:
         base = Linearised(self.result.solution)
         candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
         looks = looked_at(self.problem, self.model, base, candidates)
-        found, sizes = screen(base, looks, late(base, looks), seed=self.seed), Sizes(self.problem, self.result, base)
+        found, sizes = (
+            screen(base, looks, late(base, looks), seed=self.seed, threads=self.fits.jobs),
+            Sizes(self.problem, self.result, base),
+        )
         self.left = sizes.left
         self.first_left = self.first_left or sizes.left
         return base, candidates, found, sizes

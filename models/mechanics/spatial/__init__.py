@@ -1,9 +1,9 @@
 """Parts that move in space: a rigid body in its own axes, what pushes it, and what an inertial measurement unit reads.
 
     bodies.py     RigidBody                              propeller.py  Propeller, AsymmetricPropeller, PropellerInertia
-    elements.py   LinearDrag, QuadraticDrag, AddedMass, MassOffset,  sensors.py    Accelerometer, Gyro
-                  BodyForce, BodyTorque, ConstantBodyForce,            rotation.py   axes and angles
-                  ConstantForce
+    elements.py   LinearDrag, QuadraticDrag, DragMoment, AddedMass,  sensors.py    Accelerometer, Gyro
+                  MassOffset, BodyForce, BodyTorque,                  rotation.py   axes and angles
+                  ConstantBodyForce, ConstantForce
 
 Axes of the body: x forward, y to the right, z down. The model has one rigid body, whose attitude drags and accelerometers see.
 """
@@ -17,6 +17,7 @@ from .elements import (
     ConstantBodyForce,
     ConstantForce,
     Drag,
+    DragMoment,
     LinearDrag,
     MassOffset,
     QuadraticDrag,
@@ -35,6 +36,7 @@ __all__ = [
     "ConstantBodyForce",
     "ConstantForce",
     "Drag",
+    "DragMoment",
     "Gyro",
     "LinearDrag",
     "MassOffset",

@@ -77,6 +77,29 @@ class LinearDrag(Drag):
         return -ca.vertcat(c.d, c.d, c.d_z) * self.air_velocity(c), ca.SX.zeros(3)
 
 
+class DragMoment(Drag):
+    """Torque in proportion to the velocity across the rotors, whose discs it tilts.   torque = (-c_x v_rel, c_y u_rel, 0)
+
+    Blades that advance bear more than those that retreat, and drag that acts above the centre of mass does the same: it turns the body
+    away from where it flies.
+
+    G. M. Hoffmann, H. Huang, S. L. Waslander, C. J. Tomlin, Quadrotor helicopter flight dynamics and control: theory and experiment, AIAA
+    Guidance, Navigation and Control Conference, 2007.
+
+    Connectors: frame
+    Parameters: c_x, c_y [N.s] torque about x over velocity along y, and about y over that along x, 0 by default (absent);
+                wind_x, wind_y, wind_z [m/s] velocity of the air in earth axes, 0 by default (absent)
+    Shared:     body, its attitude
+    """
+
+    c_x = Parameter("N.s", 0.0, description="torque about x over velocity along y")
+    c_y = Parameter("N.s", 0.0, description="torque about y over velocity along x")
+
+    def load(self, c: Any) -> tuple[Vector, Vector]:
+        nu = self.air_velocity(c)
+        return ca.SX.zeros(3), ca.vertcat(-c.c_x * nu[1], c.c_y * nu[0], 0)
+
+
 class QuadraticDrag(Drag):
     """Drag in proportion to the squared speed, against the velocity.   force = -c |nu_rel| nu_rel
 

@@ -18,6 +18,7 @@ from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
     beyond,
+    chosen,
     clear,
     coloured,
     evened,
@@ -74,6 +75,18 @@ def test_of_numbers_that_no_recording_can_tell_apart_the_one_that_the_study_give
     assert known.plainness < default.plainness
     plainer = Candidate(place="drive", family="sensor", physics="sensor_gain", strengths=("gain.k",))
     assert (plainer.plainness < default.plainness) == (plainer.rank < default.rank)  # the kind of explanation comes first
+
+
+@pytest.mark.parametrize("at_body", [True, False])
+def test_a_body_with_several_balances_has_the_best_of_each_fitted(at_body):
+    """Four forces gain most. What turns the body, or another one, is fitted beside them, and not a fifth force that gains as much."""
+    forces = [screened("body", f"force {k}", 100.0 - k) for k in range(4)]
+    turning, fifth = screened("body" if at_body else "arm", "torque", 30.0), screened("body", "fifth force", 30.1)
+    axes = {s.candidate.physics: "body.f_x" for s in (*forces, fifth)} | {"torque": "body.tau_y" if at_body else "arm"}
+    shares = lambda look, _: {"body.f_x": 0.0, "body.tau_y": 0.0, "arm": 0.0} | {axes[look.candidate.physics]: 0.2}  # noqa: E731
+    sizes = SimpleNamespace(names=["body.f_x", "body.tau_y", "arm"], shares=shares)
+    found = chosen(screen(*forces, fifth, turning), sizes)
+    assert found == [*forces, turning]
 
 
 def test_residuals_that_are_not_white_widen_what_cannot_be_told_apart_and_count_against_what_leaves_them():

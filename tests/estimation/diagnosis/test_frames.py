@@ -109,6 +109,20 @@ def test_drag_is_against_the_velocity():
 
 
 @pytest.mark.slow
+def test_the_moment_of_drag_goes_with_the_velocity_across():
+    """Against what a newton metre about each axis does."""
+    model = quadrotor()
+    c, torque = by_name(model)["body", "drag_moment"], next(c for c in of_frames(model, {}) if c.strengths[0].endswith(".tau_x"))
+    for seed in range(2):
+        effects = [body_effect(model, c, path, seed) for path in c.strengths]
+        point = effects[0][0]
+        u, v = (point.x[[q.name for q in point.dae.states].index(f"body.{w}")] for w in "uv")
+        about = [body_effect(model, torque, path, seed)[1] for path in torque.strengths[:2]]
+        for (_, effect), factor, one in zip(effects, (-v, u), about, strict=True):
+            assert effect == pytest.approx(factor * one, abs=1e-9)
+
+
+@pytest.mark.slow
 def test_a_constant_force_shows_in_the_accelerometer_over_the_mass():
     model = quadrotor()
     base = compile_model(model)
@@ -189,7 +203,7 @@ def test_drag_in_still_air_needs_no_heading_that_nothing_shows():
     model = quadrotor()
     own = [q.name for q in without_ignorable(compile_model(model)).states]
     assert "body.psi" not in own
-    for physics in ("linear_drag", "quadratic_drag", "constant_force", "coupling"):
+    for physics in ("linear_drag", "quadratic_drag", "drag_moment", "constant_force", "coupling"):
         dae = without_ignorable(compile_model(by_name(model)["body", physics].edited(model)))
         assert [q.name for q in dae.states] == own, physics
 

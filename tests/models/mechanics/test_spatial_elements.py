@@ -17,6 +17,7 @@ from backsight.models.mechanics.spatial import (
     BodyElement,
     ConstantBodyForce,
     ConstantForce,
+    DragMoment,
     LinearDrag,
     QuadraticDrag,
     RigidBody,
@@ -53,6 +54,18 @@ def test_a_body_with_drag_drifts_with_the_wind_of_the_earth_however_it_is_turned
     s = simulate(compile_model(held(drag, m=1.5, g=0.0)), t, initial=initial).states
     velocity = attitude(s).apply(columns(s, "u", "v", "w"))
     assert velocity == pytest.approx(np.outer(1 - np.exp(-0.4 * t), wind), rel=1e-8, abs=1e-12)
+
+
+def test_a_drag_moment_turns_a_body_away_from_where_it_flies() -> None:
+    """Of a sphere of inertia J that hardly turns: its rate about y is c_y u t/J, about x -c_x v t/J."""
+    t = np.linspace(0.0, 0.02, 5)
+    body = {"m": 1.5, "g": 0.0, "Ixx": 0.5, "Iyy": 0.5, "Izz": 0.5}
+    s = simulate(
+        compile_model(held(DragMoment(c_x=0.03, c_y=0.05), **body)), t, initial={"body.u": 3.0, "body.v": -2.0, "body.w": 1.0}
+    ).states
+    assert columns(s, "p", "q", "r") == pytest.approx(np.outer(t, [0.03 * 2.0, 0.05 * 3.0, 0.0]) / 0.5, rel=2e-3, abs=1e-9)
+    moved = attitude(s).apply(columns(s, "u", "v", "w"))
+    assert moved == pytest.approx(np.tile([3.0, -2.0, 1.0], (len(t), 1)), abs=1e-8)
 
 
 def test_with_quadratic_drag_a_level_fall_follows_the_hyperbolic_tangent() -> None:
