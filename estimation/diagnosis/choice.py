@@ -52,7 +52,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
         if same is not None:
             if s.candidate.plainness < worth[same].candidate.plainness:
                 worth[same] = s
-        elif not simpler_there(s, found.found):
+        elif not simpler_there(s, found.found, sizes):
             worth.append(s)
     most = max((s.gain for s in worth), default=0.0)
     best = [s for s in worth if s.gain >= WORTH * most][:FITTED]
@@ -124,12 +124,12 @@ def coloured(result: Smoothing) -> bool:
     return any(p is not None and p < COLOURED for p in found)
 
 
-def simpler_there(s: Screened, others: Sequence[Screened]) -> bool:
-    """Whether a candidate at the same place gains as much with fewer parameters. What is beyond it, a later round will tell."""
+def simpler_there(s: Screened, others: Sequence[Screened], sizes: Sizes) -> bool:
+    """Whether a candidate at the same balance gains as much with fewer parameters. What is beyond it, a later round will tell."""
     c = s.candidate
-    return any(
-        o.candidate.place == c.place and o.candidate.size < c.size and s.gain - o.gain < RIVAL * (c.size - o.candidate.size) for o in others
-    )
+    there = (o for o in others if o.candidate.place == c.place and o.candidate.size < c.size)
+    as_good = [o for o in there if s.gain - o.gain < RIVAL * (c.size - o.candidate.size)]
+    return bool(as_good) and _balance(s, sizes) in (_balance(o, sizes) for o in as_good)
 
 
 def beyond(s: Screened) -> bool:

@@ -11,21 +11,26 @@ from .candidates import Candidate
 from .choice import SIGNALS, sound
 from .findings import fitted_strengths
 from .refit import Fitted
-from .screen import Screened
+from .screen import Screen, Screened
 from .shares import FLOOR, Sizes, leaves_more
 
+SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
 
-def why_not(c: Candidate, s: Screened | None, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> str:
+def why_not(
+    c: Candidate, s: Screened | None, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes, found: Screen
+) -> str:
     """What speaks against a fit, in words; "" where nothing does.
 
-    accepted: what the model has already; before: its result; sizes: its forces.
+    accepted: what the model has already; before: its result; sizes: its forces; found: all scores beside it.
     """
     if not sound(c, f):
         return "its strength is not told, or none that it can have"
     if slight(c, s, f, sizes):
         return "too small to matter"
+    if refining(c, s, f, before, sizes, found):
+        return "hardly other than the law that the model has"
     if trifling(c, f, accepted, before, sizes):
         return "one more law of a kind of which there are two, and it hardly helps"
     if misleading(c, f, sizes):
@@ -64,6 +69,20 @@ def _alone(c: Candidate, s: Screened) -> tuple[str, float] | None:
         width = c.named.get("width", "")
         return (width, s.look.shape[width]) if width in s.look.shape else None
     return (c.strengths[0], float(s.estimate[0])) if len(c.strengths) == 1 else None
+
+
+def refining(c: Candidate, s: Screened | None, f: Fitted, before: Smoothing, sizes: Sizes, found: Screen) -> bool:
+    """Whether it takes the place of a simpler law that is at work in the model, and what that cannot do of its force does not matter.
+
+    By its shape at the score.
+    """
+    at_work = [base.rpartition(".")[2] for base in c.absorbs if base in before.parameters and before.parameters[base].value]
+    working = {SIMPLE[word] for word in at_work if word in SIMPLE}
+    if not working or c.quadrature or s is None or f.result is None:
+        return False
+    every = (shapes[0].look for shapes in found.shapes.values())
+    simple = [look for look in every if look.candidate.place == c.place and look.candidate.physics in working]
+    return bool(simple) and sizes.net(s.look, fitted_strengths(c, f.result), simple) < FLOOR / 2
 
 
 def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> bool:

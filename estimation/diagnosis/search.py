@@ -285,12 +285,12 @@ class Search:
             dear = self._fits([(c, None) for c in candidates if c.dear and self._left_near(c.place, most) >= NEAR * most])
             fits = _gained([*fits, *dear], now)
         fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
-        good = self._borne_out(fits, sizes)
+        good = self._borne_out(fits, sizes, found)
         if not good and (constant := steady(self.result, candidates, sizes)):
             without = counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
             last = _gained(self._fits([(c, None) for c in constant]), replace(now, nats=now.nats + without))
             fits = [*fits, *last]
-            good = self._borne_out(last, sizes)
+            good = self._borne_out(last, sizes, found)
         if not good:
             return False
         best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
@@ -339,12 +339,12 @@ class Search:
         joined = {merged.get(name, name) for name in joined_to(self.model, place)}
         return max((self.left[name] for name in joined if name in self.left), default=most)
 
-    def _borne_out(self, fits: list[Judged], sizes: Sizes) -> list[Judged]:
+    def _borne_out(self, fits: list[Judged], sizes: Sizes, found: Screen) -> list[Judged]:
         """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
         good = list[Judged]()
         for c, s, f in fits:
             told = clear(s, f)
-            refused = f.failed or (why_not(c, s, f, self.accepted, self.result, sizes) if told else "")
+            refused = f.failed or (why_not(c, s, f, self.accepted, self.result, sizes, found) if told else "")
             if told and not refused:
                 good.append((c, s, f))
             gained = f.gain if np.isfinite(f.gain) else None

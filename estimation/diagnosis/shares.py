@@ -45,6 +45,17 @@ class Sizes:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
         return {name: self._share(name, force, use) for name, force, use in self._acting(look, estimate)}
 
+    def net(self, look: Look, estimate: Array, others: Sequence[Look]) -> float:
+        """The largest of its `shares` when others, of one strength each, have taken what they can of its force."""
+        beside = [[force for _, force, _ in self._acting(other, np.ones(1))] for other in others]
+        most = 0.0
+        for k, (name, force, use) in enumerate(self._acting(look, estimate)):
+            weight = np.where(use, self.solution.transcription.nlp.steps, 0.0) ** 0.5
+            taken = np.column_stack([weight * one[k] for one in beside]) if beside else np.empty((len(force), 0))
+            rest = weight * force - taken @ np.linalg.lstsq(taken, weight * force, rcond=None)[0]
+            most = max(most, float(np.linalg.norm(rest) / np.linalg.norm(weight)) / self.varying[name])
+        return most
+
     def regime(self, look: Look, estimate: Array) -> str:
         """Where a candidate acts at these strengths, in words, at the place where its force is the largest share."""
         there = max(self._acting(look, estimate), key=lambda acting: self._share(*acting), default=None)

@@ -55,9 +55,18 @@ def test_friction_that_may_hold_an_unseen_body_is_fitted_whatever_its_score_and_
 
 def test_what_gains_no_more_with_more_parameters_is_left_to_a_later_round():
     simple, larger = screened("table", "viscous_friction", 50.0), screened("table", "asymmetric_friction", 52.0, size=2)
-    assert simpler_there(larger, [simple, larger])
-    assert not simpler_there(replace(larger, gain=54.0), [simple, larger])
-    assert not simpler_there(larger, [screened("elsewhere", "viscous_friction", 50.0), larger])
+    sizes = SimpleNamespace(names=["table", "elsewhere"])
+    assert simpler_there(larger, [simple, larger], sizes)
+    assert not simpler_there(replace(larger, gain=54.0), [simple, larger], sizes)
+    assert not simpler_there(larger, [screened("elsewhere", "viscous_friction", 50.0), larger], sizes)
+
+
+@pytest.mark.parametrize(("axis", "is_simpler"), [("body.f_x", False), ("body.tau_y", True)])
+def test_what_acts_in_another_balance_of_a_body_is_not_simpler(axis, is_simpler):
+    drag, moment = screened("body", "drag", 50.0), screened("body", "moment", 52.0, size=2)
+    shares = {"drag": {"body.f_x": 0.1, "body.tau_y": 0.0, axis: 0.2}, "moment": {"body.f_x": 0.0, "body.tau_y": 0.2}}
+    sizes = SimpleNamespace(names=["body.f_x", "body.tau_y"], shares=lambda look, _: shares[look.candidate.physics])
+    assert simpler_there(moment, [drag, moment], sizes) is is_simpler
 
 
 def test_of_what_cannot_be_told_apart_the_plainest_stands():

@@ -10,12 +10,15 @@ import pytest
 from concealed_axis import posed, run
 from screened import screened
 
-from backsight.estimation import smooth
+from backsight.estimation import Free, Smoothing, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Signal, Since
+from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.refusals import misleading, slight, stands_in, trifling
+from backsight.estimation.diagnosis.refusals import misleading, refining, slight, stands_in, trifling
 from backsight.estimation.diagnosis.score import Linearised
+from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import FLOOR, Sizes
+from backsight.estimation.diagnosis.supermodel import looked_at
 from backsight.estimation.diagnosis.worth import Worth
 
 
@@ -103,3 +106,38 @@ def test_a_constant_force_that_was_not_left_over_takes_the_place_of_another(forc
     other = screened("body.f_z", "viscous_friction", 50.0)
     told = {other.candidate.strengths[0]: SimpleNamespace(value=-force)}
     assert not stands_in(other.candidate, other, replace(fit, result=SimpleNamespace(parameters=told)), before, sizes)
+
+
+@pytest.fixture(scope="module")
+def with_friction() -> tuple[Smoothing, Sizes, Screen, list[Candidate]]:
+    """An axis whose model has the Coulomb friction of 20 N that it has."""
+    problem = posed(run(2.0, 2e-3, f_c=20.0), W={"carriage": 0.05})
+    problem = replace(problem, parameters={**problem.parameters, "friction.f_c": Free(15.0, min=0.0)})
+    result = smooth(problem)
+    assert result.solution is not None
+    base, candidates = Linearised(result.solution), library(problem, problem.model, result.solution)
+    found = screen(base, looked_at(problem, problem.model, base, candidates))
+    return result, Sizes(problem, result, base), found, candidates
+
+
+@pytest.mark.parametrize(("f_s", "is_it"), [(20.3, True), (30.0, False)])
+def test_a_law_that_hardly_differs_from_that_which_is_at_work_refines_nothing(with_friction, f_s, is_it):
+    result, sizes, found, candidates = with_friction
+    c = next(c for c in candidates if c.key == ("carriage", "stribeck_friction"))
+    s = found.shapes[id(c)][len(found.shapes[id(c)]) // 2]
+    told = {name: SimpleNamespace(value=value) for name, value in zip(c.strengths, (20.0, f_s), strict=True)}
+    fit = Fitted(candidate=c, result=SimpleNamespace(parameters=told))
+    assert refining(c, s, fit, result, sizes, found) is is_it
+    without = SimpleNamespace(parameters={**result.parameters, "friction.f_c": SimpleNamespace(value=0.0)})
+    assert refining(c, s, fit, without, sizes, found) is False
+
+
+def test_what_others_can_do_of_a_force_is_none_of_its_own(with_friction):
+    """Of a Coulomb friction of 20 N beside one of 1 N nothing stays; beside nothing it is its rms over that of the forces there."""
+    _, sizes, found, candidates = with_friction
+    c = next(c for c in candidates if c.key == ("carriage", "coulomb_friction"))
+    look = found.shapes[id(c)][0].look
+    alone = sizes.net(look, np.array([20.0]), [])
+    assert alone == pytest.approx(sizes.shares(look, np.array([20.0]))["carriage"])
+    assert alone > 0.1
+    assert sizes.net(look, np.array([20.0]), [look]) < 1e-6
