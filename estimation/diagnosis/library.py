@@ -12,6 +12,7 @@ import numpy as np
 
 from backsight.models import Dae, Model
 from backsight.models.mechanics.rotational import EccentricRack, Rack
+from backsight.models.mechanics.spatial import RigidBody
 from backsight.ocp import Horizon, Solution
 
 from ..problem import Free, Problem
@@ -161,6 +162,20 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
                 stated=given is not None,
             )
         )
+    return found + _tilting(model, found)
+
+
+def _tilting(model: Model, single: Sequence[Candidate]) -> list[Candidate]:
+    """Both moments of inertia about the axes that a body in space tilts about: computed, not weighed, they are wrong together."""
+    by_name, found = {c.strengths[0]: c for c in single}, list[Candidate]()
+    for name, component in model.components.items():
+        if isinstance(component, RigidBody):
+            about = dict.fromkeys(own_name(model, f"{name}.{word}") for word in ("Ixx", "Iyy"))
+            both = [by_name[path] for path in about if path in by_name]
+            if len(both) == 2:
+                x, y = both
+                start, named = {**x.start, **y.start}, {**x.named, **y.named}
+                found.append(replace(x, strengths=(*x.strengths, *y.strengths), start=start, named=named, stated=x.stated or y.stated))
     return found
 
 

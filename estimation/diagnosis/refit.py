@@ -39,6 +39,7 @@ from .worth import NONE, Worth
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
+HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
 HOLDING = ("coulomb_friction", "stribeck_friction")
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
@@ -168,6 +169,8 @@ def fitted(
         weighed = now if settings.weigh else with_weights_of(begin, now)
         if candidate.dear:
             settings = replace(settings, finest=max(settings.finest, _fineness(problem, begin)))
+        if settings.weigh and candidate.dear:
+            settings = replace(settings, hopeless=HOPELESS * begin.solved.cost)
         if settings.weigh:
             unseen = hidden(problem)
             settings = replace(settings, most={name: std for name, std in force_stds(begin).items() if name in unseen})

@@ -43,6 +43,7 @@ class Settings:
     most marginal likelihood in the end, not those most probable together with a trajectory. seconds: after which `OutOfTime` is raised.
     supposed: places of bodies that only a hypothesis has and no output shows: their residual forces stay small beside the forces there.
     most: place of a body that no output shows -> std of its residual force that the model without the hypothesis has, and it needs no more.
+    hopeless: cost of the first solve above which no weights are sought, but `SolveError` raised.
     widths: name of a friction law's width -> what it is rounded over, where nobody gave it; the others are chosen.
     options: of the solver.
     """
@@ -58,6 +59,7 @@ class Settings:
     seconds: float = math.inf
     supposed: frozenset[str] = frozenset()
     most: Mapping[str, float] = field(default_factory=dict)
+    hopeless: float = math.inf
     widths: Mapping[str, float] = field(default_factory=dict)
     options: Options = field(default_factory=Options)
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backsight.models.errors import SolveError
 from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
@@ -66,6 +67,7 @@ def choose_weights(
     most_std: Mapping[int, float],
     say: Callable[[str], None],
     hasty: bool = False,
+    hopeless: float = np.inf,
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
@@ -73,7 +75,8 @@ def choose_weights(
     tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody gave of one output is
     one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower; most_std: place -> above
     which it goes no higher; least_noise (H, ny): the least factors on the outputs' first standard deviations. hasty: weights move on from
-    where a solve stopped at its limit of iterations, far from its end or not.
+    where a solve stopped at its limit of iterations, far from its end or not. Raises SolveError where the first solve, at the weights
+    given, leaves a cost above `hopeless`.
     """
     dae = transcription.dae
     is_open = np.array([[q.name in names for q in dae.outputs] for names in outputs]).reshape(len(outputs), len(dae.outputs))
@@ -92,6 +95,10 @@ def choose_weights(
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
+        if rounds == 1 and cost > hopeless:
+            raise SolveError(
+                f"Given up: at the weights that it began with its cost is {cost:.4g}, and more than {hopeless:.4g} is hopeless."
+            )
         if solution.solved.status is Status.ITERATIONS and abs(before - cost) > max(STALLED, CREEPING * cost) and not hasty:
             continue  # on its way: the next round goes on from here
         if not (solution.solved.status.converged or solution.solved.status is Status.ITERATIONS):

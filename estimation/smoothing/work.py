@@ -167,6 +167,7 @@ class Work:
             self.ceiling,
             self.say,
             hasty=self.settings.hasty,
+            hopeless=self.settings.hopeless,
         )
 
     def least_noise(self, stds: Stds) -> Array:

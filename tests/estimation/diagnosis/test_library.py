@@ -9,11 +9,12 @@ import pytest
 from concealed_axis import posed, run, smoothed
 
 from backsight.estimation import Free, smooth
-from backsight.estimation.diagnosis.candidates import Insert
-from backsight.estimation.diagnosis.library import _kinematic, library
+from backsight.estimation.diagnosis.candidates import Candidate, Insert
+from backsight.estimation.diagnosis.library import _kinematic, _tilting, library
 from backsight.models import Model, Parameter, compile_model
 from backsight.models.mechanics.rotational import Inertia, Rack
 from backsight.models.mechanics.translational import Mass
+from backsight.models.plants import quadrotor
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +49,25 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
         found = library(problem, problem.model, smooth(problem).solution)
         wrong = {name for c in found if c.physics == "wrong_parameter" for name in c.strengths}
         assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
+
+
+@pytest.mark.parametrize(("suspects", "together"), [(("Ixx", "Iyy", "Izz"), True), (("Ixx", "Izz"), False)])
+def test_moments_of_inertia_about_the_axes_of_a_tilt_are_doubted_together_too(suspects, together):
+    """Unless one of them is free, and so no suspect."""
+
+    def doubted(name: str) -> Candidate:
+        start, place = {name: (0.02, 0.002, 0.2)}, {"place": "body", "family": "parameter", "physics": "wrong_parameter"}
+        return Candidate(**place, strengths=(name,), start=start, named={name: name}, stated=name == "body.Iyy")
+
+    found = _tilting(quadrotor(), [doubted(f"body.{word}") for word in suspects])
+    assert [c.strengths for c in found] == [("body.Ixx", "body.Iyy")] * together
+    for c in found:
+        assert (c.key, c.stated, c.start.keys(), c.named) == (
+            ("body", "wrong_parameter"),
+            True,
+            {*c.strengths},
+            {n: n for n in c.strengths},
+        )
 
 
 def test_a_drift_is_counted_from_where_the_recording_begins():

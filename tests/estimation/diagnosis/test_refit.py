@@ -11,7 +11,7 @@ from concealed_axis import posed, run
 
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Conditions
-from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.diagnosis import refit
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.channels import of_input, of_sensor
@@ -23,6 +23,7 @@ from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screened
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.estimation.smoothing.begun import Begun
+from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.plants import actuator
 
 MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
@@ -122,6 +123,17 @@ def test_a_coupling_is_fitted_on_a_mesh_as_fine_as_the_models_own(lacking):
     found = fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}), QUICKLY)
     (horizon,) = found.worth.solution.transcription.horizons
     assert horizon.mesh.count < 1.2 * had.mesh.count < 0.8 * len(had.time)
+
+
+@pytest.mark.parametrize(("gap", "given_up"), [(4e-4, True), (4e-5, False)])
+def test_play_that_a_rigid_machine_cannot_have_is_given_up_at_the_first_solve(gap, given_up):
+    """Weights from the data would go to where it costs nothing."""
+    problem = replace(posed(run(1.0, 2e-3)), weights=Weights())
+    result = smoothing(problem, settings=QUICKLY)
+    c = next(c for c in library(problem, problem.model, result.solution) if c.physics == "backlash")
+    found = fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}) | {"screw.gap": gap})
+    assert found.failed.startswith("Given up: at the weights that it began with") is given_up
+    assert (found.result is None) is given_up
 
 
 def test_what_is_not_there_explains_next_to_nothing(lacking):
