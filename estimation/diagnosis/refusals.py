@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,20 +19,33 @@ SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
 
-def why_not(
-    c: Candidate, s: Screened | None, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes, found: Screen
-) -> str:
-    """What speaks against a fit, in words; "" where nothing does.
+@dataclass(frozen=True, kw_only=True)
+class Beside:
+    """What a fit is judged beside: what the model has already, its result, its forces and all scores.
 
-    accepted: what the model has already; before: its result; sizes: its forces; found: all scores beside it.
+    loose: components of couplings that were found soft or loose, and what these brought; least: nats that an effect there has to bring.
     """
+
+    accepted: Sequence[Candidate]
+    result: Smoothing
+    sizes: Sizes
+    found: Screen
+    loose: Collection[str] = ()
+    least: float = 0.0
+
+
+def why_not(c: Candidate, s: Screened | None, f: Fitted, beside: Beside) -> str:
+    """What speaks against a fit, in words; "" where nothing does."""
+    before, sizes = beside.result, beside.sizes
     if not sound(c, f):
         return "its strength is not told, or none that it can have"
     if slight(c, s, f, sizes):
         return "too small to matter"
-    if refining(c, s, f, before, sizes, found):
+    if c.place in beside.loose and f.gain < beside.least:
+        return "a detail of the coupling that was found: no model of one is exact"
+    if refining(c, s, f, before, sizes, beside.found):
         return "hardly other than the law that the model has"
-    if trifling(c, f, accepted, before, sizes):
+    if trifling(c, f, beside.accepted, before, sizes):
         return "one more law of a kind of which there are two, and it hardly helps"
     if misleading(c, f, sizes):
         return "more force is left over with it than without"

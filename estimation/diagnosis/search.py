@@ -37,7 +37,7 @@ from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
-from .refusals import why_not
+from .refusals import Beside, why_not
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
@@ -52,6 +52,7 @@ HINT = 0.25  # of the floor: with as much left over and no other effect, couplin
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
+DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less mends its model
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
@@ -341,15 +342,23 @@ class Search:
 
     def _borne_out(self, fits: list[Judged], sizes: Sizes, found: Screen) -> list[Judged]:
         """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
-        good = list[Judged]()
+        good, (loose, least) = list[Judged](), self._loose()
+        beside = Beside(accepted=self.accepted, result=self.result, sizes=sizes, found=found, loose=loose, least=least)
         for c, s, f in fits:
             told = clear(s, f)
-            refused = f.failed or (why_not(c, s, f, self.accepted, self.result, sizes, found) if told else "")
+            refused = f.failed or (why_not(c, s, f, beside) if told else "")
             if told and not refused:
                 good.append((c, s, f))
             gained = f.gain if np.isfinite(f.gain) else None
             self.tried.append(Tried(explanation=explained(c, f.result), predicted=s.gain if s else 0.0, fitted=gained, refused=refused))
         return good
+
+    def _loose(self) -> tuple[set[str], float]:
+        """Components of couplings found soft or loose, with what these brought, and the nats that an effect there has to bring."""
+        gains = [finding.gain for finding, c in zip(self.findings, self.accepted, strict=True) if c.dear]
+        own = self.bare.model.components
+        there = {name for name, one in self.model.components.items() if name not in own or type(one) is not type(own[name])}
+        return (there, DETAIL * max(gains)) if gains else (set(), 0.0)
 
     def _keep(
         self,

@@ -14,7 +14,7 @@ from backsight.estimation import Free, Smoothing, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Signal, Since
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.refusals import misleading, refining, slight, stands_in, trifling
+from backsight.estimation.diagnosis.refusals import Beside, misleading, refining, slight, stands_in, trifling, why_not
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import FLOOR, Sizes
@@ -141,3 +141,14 @@ def test_what_others_can_do_of_a_force_is_none_of_its_own(with_friction):
     assert alone == pytest.approx(sizes.shares(look, np.array([20.0]))["carriage"])
     assert alone > 0.1
     assert sizes.net(look, np.array([20.0]), [look]) < 1e-6
+
+
+@pytest.mark.parametrize(("place", "gain", "told"), [("screw_mass", 28.0, False), ("screw_mass", 100.0, True), ("carriage", 28.0, True)])
+def test_what_acts_within_a_coupling_that_was_found_has_to_bring_a_part_of_what_that_did(with_friction, place, gain, told):
+    result, sizes, found, _ = with_friction
+    s = screened(place, "viscous_friction", gain)
+    parameters = {s.candidate.strengths[0]: SimpleNamespace(name="d", value=1.0, std=0.01, unit="N.s/m")}
+    fit = Fitted(candidate=s.candidate, result=SimpleNamespace(parameters=parameters, residual_places={}), gain=gain)
+    sizes = SimpleNamespace(shares=lambda *_: {place: 0.2}, forces={}, names=[place])
+    beside = Beside(accepted=[], result=result, sizes=sizes, found=found, loose={"screw", "screw_mass"}, least=63.5)
+    assert (why_not(s.candidate, s, fit, beside) == "") is told
