@@ -35,6 +35,7 @@ COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
+LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
 SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
@@ -70,8 +71,13 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
 
 
 def _balance(s: Screened, sizes: Sizes) -> str:
-    """Its place; of a place with several balances, such as a body in space, with the one where its force is the largest share."""
+    """Its place; of one with several balances, such as a body in space, with that where its force is the largest share.
+
+    What comes late is a balance of its own: a score, which goes by a straight line, says little of it beside a gain.
+    """
     place = s.candidate.place
+    if s.candidate.physics in LATE:
+        return f"{place} in time"
     shares = {} if place in sizes.names or s.candidate.signals else sizes.shares(s.look, s.estimate)
     return f"{place} {max(shares, key=lambda name: shares[name])}" if any(shares.values()) else place
 

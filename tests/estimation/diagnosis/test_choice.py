@@ -86,6 +86,13 @@ def test_of_numbers_that_no_recording_can_tell_apart_the_one_that_the_study_give
     assert (plainer.plainness < default.plainness) == (plainer.rank < default.rank)  # the kind of explanation comes first
 
 
+def test_of_a_sensor_what_comes_late_is_fitted_beside_what_reads_otherwise():
+    late = screened("input:tau", "input_delay", 150.0)
+    gain, delay, lag, off = (screened("sensor:phi", f"sensor_{word}", 50.0 - k) for k, word in enumerate(("gain", "delay", "lag", "bias")))
+    sizes = SimpleNamespace(names=[], shares=lambda *_: {"joint": 0.2})
+    assert chosen(screen(late, gain, delay, lag, off), sizes) == [late, gain, delay]
+
+
 @pytest.mark.parametrize("at_body", [True, False])
 def test_a_body_with_several_balances_has_the_best_of_each_fitted(at_body):
     """Four forces gain most. What turns the body, or another one, is fitted beside them, and not a fifth force that gains as much."""
