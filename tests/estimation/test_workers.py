@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import time
 import warnings
 from functools import partial
 
 import pytest
 
-from backsight.estimation.workers import as_finished, at_hand, workers
+from backsight.estimation.workers import as_finished, at_hand, in_order, workers
 from backsight.models.errors import InputError
 
 
@@ -61,6 +62,23 @@ def test_calls_are_drawn_as_there_is_room_and_every_result_has_its_key(jobs):
 
 @pytest.mark.checkout
 @pytest.mark.slow
+@pytest.mark.parametrize("threads", [1, 3])
+def test_threads_give_results_in_order_and_draw_no_call_before_there_is_room(threads):
+    drawn, taken = list[int](), 0
+
+    def calls():
+        for k in range(12):
+            drawn.append(k)
+            yield lambda k=k: (time.sleep(0.01 * (k % 3 == 0)), k)[1]
+
+    for taken, k in enumerate(in_order(calls(), threads)):
+        assert k == taken
+        assert len(drawn) <= taken + threads + 1
+    assert taken == 11
+    with pytest.raises(ZeroDivisionError):
+        list(in_order([partial(divmod, 1, 1), partial(divmod, 1, 0)], threads))
+
+
 def test_a_dask_cluster_is_an_executor_like_any_other():
     distributed = pytest.importorskip("distributed")
     with warnings.catch_warnings():

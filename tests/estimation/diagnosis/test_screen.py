@@ -6,13 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from concealed_axis import smoothed
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
 from backsight.estimation.diagnosis.candidates import Candidate, Signal
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.onsets import late
 from backsight.estimation.diagnosis.score import Columns, Scores
 from backsight.estimation.diagnosis.screen import Screen, gain, screen, told
-from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.diagnosis.supermodel import Look, looked_at
 
 ROWS = 60
 
@@ -260,3 +263,13 @@ def test_what_explains_all_that_is_left_is_worth_all_of_its_gain_and_what_stands
     assert true.inflation < 1.8
     assert false.gain > 100
     assert false.inflation > 5
+
+
+def test_scores_in_two_threads_are_those_in_one():
+    """Of a machine, whose factorisation both use at once."""
+    problem, result, base = smoothed()
+    looks = looked_at(problem, problem.model, base, library(problem, problem.model, result.solution))
+    one, two = (screen(base, looks, late(base, looks), threads=threads) for threads in (1, 2))
+    assert [s.candidate.key for s in one.found] == [s.candidate.key for s in two.found]
+    assert [(s.gain, s.inflation, *s.estimate) for s in one.found] == [(s.gain, s.inflation, *s.estimate) for s in two.found]
+    assert np.array_equal(one.chance.most, two.chance.most)
