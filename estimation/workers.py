@@ -61,7 +61,7 @@ def as_finished(pool: Executor, calls: Iterable[tuple[K, Callable[[], T]]], ahea
 def in_order(calls: Iterable[Callable[[], T]], threads: int) -> Iterator[T]:
     """The result of every call, in order, a few at a time in threads of this process: of what leaves the interpreter while it works.
 
-    The next call is drawn, here, when fewer than `threads` wait for their turn. Raises what a call raises.
+    The next call is drawn, here, when no more than `threads` are under way. Raises what a call raises.
     """
     if threads < 2:
         yield from (call() for call in calls)

@@ -21,28 +21,24 @@ from .places import free_name, neighbours, own_name
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
 
-class LinearDrag(spatial.LinearDrag):
-    """In air that rests: no heading is needed to tell it, which no sensor of the body may show."""
+class StillAir(spatial.Drag):
+    """Air that rests: no heading is needed to tell a drag, which no sensor of the body may show."""
 
     def air_velocity(self, c: Any) -> Vector:
         """Velocity of the body, in its axes."""
         return velocities(c.frame)[0]
 
 
-class QuadraticDrag(spatial.QuadraticDrag):
+class LinearDrag(StillAir, spatial.LinearDrag):
     """In air that rests."""
 
-    def air_velocity(self, c: Any) -> Vector:
-        """Velocity of the body, in its axes."""
-        return velocities(c.frame)[0]
 
-
-class DragMoment(spatial.DragMoment):
+class QuadraticDrag(StillAir, spatial.QuadraticDrag):
     """In air that rests."""
 
-    def air_velocity(self, c: Any) -> Vector:
-        """Velocity of the body, in its axes."""
-        return velocities(c.frame)[0]
+
+class DragMoment(StillAir, spatial.DragMoment):
+    """In air that rests."""
 
 
 def with_heading(problem: Problem, model: Model) -> Problem:

@@ -169,9 +169,8 @@ def fitted(
         weighed = now if settings.weigh else with_weights_of(begin, now)
         if candidate.dear:
             settings = replace(settings, finest=max(settings.finest, _fineness(problem, begin)))
-        if settings.weigh and candidate.dear:
-            settings = replace(settings, hopeless=HOPELESS * begin.solved.cost)
         if settings.weigh:
+            settings = replace(settings, hopeless=HOPELESS * begin.solved.cost if candidate.dear else np.inf)
             unseen = hidden(problem)
             settings = replace(settings, most={name: std for name, std in force_stds(begin).items() if name in unseen})
         elif not anew:
