@@ -24,6 +24,7 @@ from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
+from .contradicted import contradicted
 from .delays import without_delays
 from .fits import Fits, Progress
 from .frames import with_heading
@@ -31,7 +32,7 @@ from .hold import with_better_hold
 from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
-from .proof import prove
+from .proof import Case, Proof
 from .refit import HELD, QUICKLY, comparable
 from .search import Search
 from .sizes_known import with_sizes_known
@@ -106,11 +107,22 @@ def diagnose(
     held_out = None
     if search.findings and search.model is not problem.model:
         say("proof on what was held out")
-        repaired = replace(search.problem, recordings=recordings, initial=problem.initial), at_nothing(search.result)
-        pair = (replace(posed, recordings=recordings), first), repaired
+        proof = Proof(
+            recordings=[r for r in recordings if r.role == "held_out"],
+            role="held_out" if split is None else "last third",
+            end=time.monotonic() + seconds + PROOF - (time.perf_counter() - began),
+            say=say,
+        )
+
+        def seen(case: Case) -> Case:
+            return replace(case[0], recordings=recordings, initial=problem.initial), at_nothing(case[1])
+
         try:
-            left = seconds + PROOF - (time.perf_counter() - began)
-            held_out = prove(*pair, role="held_out" if split is None else "last third", seconds=left, progress=say)
+            base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
+            repaired = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
+            repaired, gone = contradicted(search, proof, repaired, seen)
+            notes, verdict = [*notes, *gone], search.verdict() if gone else verdict
+            held_out = proof.compared(base, repaired)
         except (SolveError, InputError) as error:
             notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:

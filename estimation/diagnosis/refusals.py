@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backsight.models import Model
+
 from ..results import Smoothing
 from .candidates import Candidate
-from .choice import SIGNALS, sound
-from .findings import fitted_strengths
+from .choice import SIGNALS, clear, sound
+from .findings import Judged, explained, fitted_strengths
 from .refit import Fitted
 from .screen import Screen, Screened
 from .shares import FLOOR, Sizes, leaves_more
+from .verdict import Finding, Tried
 
+DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less mends its model
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
@@ -52,6 +56,30 @@ def why_not(c: Candidate, s: Screened | None, f: Fitted, beside: Beside) -> str:
     if stands_in(c, s, f, before, sizes):
         return "it takes the place of forces that the model explains, and leaves as much over"
     return ""
+
+
+def borne_out(fits: Sequence[Judged], beside: Beside) -> tuple[list[Judged], list[Tried]]:
+    """The fits with enough evidence against which nothing speaks; and what was tried, with what does."""
+    good, tried = list[Judged](), list[Tried]()
+    for c, s, f in fits:
+        told = clear(s, f)
+        refused = f.failed or (why_not(c, s, f, beside) if told else "")
+        if told and not refused:
+            good.append((c, s, f))
+        gained = f.gain if np.isfinite(f.gain) else None
+        tried.append(Tried(explanation=explained(c, f.result), predicted=s.gain if s else 0.0, fitted=gained, refused=refused))
+    return good, tried
+
+
+def loose(findings: Sequence[Finding], accepted: Sequence[Candidate], bare: Model, model: Model) -> tuple[set[str], float]:
+    """Components of couplings found soft or loose, with what these brought, and the nats that an effect there has to bring.
+
+    findings: of what was accepted, in its order. bare: the model as it was declared.
+    """
+    gains = [finding.gain for finding, c in zip(findings, accepted, strict=True) if c.dear]
+    own = bare.components
+    there = {name for name, one in model.components.items() if name not in own or type(one) is not type(own[name])}
+    return (there, DETAIL * max(gains)) if gains else (set(), 0.0)
 
 
 def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:

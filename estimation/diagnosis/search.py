@@ -17,7 +17,6 @@ from .candidates import Candidate
 from .choice import (
     CLEAR,
     chosen,
-    clear,
     coloured,
     explaining,
     held_unseen,
@@ -28,7 +27,7 @@ from .choice import (
     stood_for,
 )
 from .elimination import Bare
-from .findings import Judged, explained, finding, fitted_strengths, renewed, verdict
+from .findings import Judged, finding, fitted_strengths, renewed, verdict
 from .fits import Base, Fits
 from .indistinct import indistinct
 from .left_over import UNEXPLAINED, LeftOver
@@ -37,7 +36,7 @@ from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
-from .refusals import Beside, why_not
+from .refusals import Beside, borne_out, loose
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes, limits
@@ -52,7 +51,6 @@ HINT = 0.25  # of the floor: with as much left over and no other effect, couplin
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
-DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less mends its model
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
@@ -99,6 +97,7 @@ class Search:
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
     _first: Smoothing = field(init=False, repr=False)
+    _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
@@ -128,7 +127,7 @@ class Search:
         if self.fits.left == 0:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._on_a_checked_mesh()
-        self._renew(sizes)
+        self.renew()
         self._limits(found, sizes)
 
     def _as_fits_are(self) -> None:
@@ -191,19 +190,41 @@ class Search:
         """One turn of that; whether something is gone."""
         before = len(self.accepted)
         for k in reversed(range(len(self.accepted) - 1)):
-            c, rest = self.accepted[k], [*self.accepted[:k], *self.accepted[k + 1 :]]
-            if not idle(c, self.result) or (posed := self.bare.having(rest, self.problem, self.result)) is None:
+            c = self.accepted[k]
+            if not idle(c, self.result):
                 continue
             self.fits.say(f"{c.title} is nothing beside what was found later")
-            problem, model = settled(posed[0], self.result), posed[1]
-            found = self._again(problem, f"without {c.title}")
-            if found is None or self._worth(problem, found).over(self.now) < -CLEAR:
+            found = self.without(k)
+            if found is None or self._worth(found.problem, found.result).over(self.now) < -CLEAR:
                 continue
             gone = self.findings[k].gain
-            self.findings = [*self.findings[:k], *self.findings[k + 1 :]]
+            self.take_out(k, found)
             self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + gone)
-            self.problem, self.model, self.result, self.accepted = problem, model, found, rest
         return len(self.accepted) < before
+
+    @property
+    def named(self) -> list[Finding]:
+        """The findings that have a name, one for every candidate that was accepted."""
+        return [f for f in self.findings if f.explanation.physics != UNKNOWN]
+
+    def without(self, k: int, least: float = 0.0) -> Base | None:
+        """The model without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
+
+        least: time that the fit has when the search's is over [s].
+        """
+        posed = self.bare.having([*self.accepted[:k], *self.accepted[k + 1 :]], self.problem, self.result)
+        if posed is None:
+            return None
+        problem = settled(posed[0], self.result)
+        found = self.fits.again(self._base, problem, f"without {self.accepted[k].title}", least=least)
+        return None if found is None else replace(self._base, problem=problem, model=posed[1], result=found)
+
+    def take_out(self, k: int, rest: Base) -> None:
+        """The k-th of what was accepted goes, and the model is what stays."""
+        gone = self.named[k]
+        self.findings = [f for f in self.findings if f is not gone]
+        self.problem, self.model, self.result = rest.problem, rest.model, rest.result
+        self.accepted = [*self.accepted[:k], *self.accepted[k + 1 :]]
 
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
         return self.fits.again(self._base, problem, what)
@@ -227,10 +248,10 @@ class Search:
         """What the models of one round compare by."""
         return worth_of(problem, result, weighed=self.settings.weigh)
 
-    def _renew(self, sizes: Sizes) -> None:
+    def renew(self) -> None:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
-        for k, (old, c) in enumerate(zip(self.findings, self.accepted, strict=True)):
-            self.findings[k] = renewed(old, c, self.result, sizes)
+        of = {id(f): c for f, c in zip(self.named, self.accepted, strict=True)}
+        self.findings = [renewed(f, of[id(f)], self.result, self._sizes) if id(f) in of else f for f in self.findings]
 
     def _scores(self) -> tuple[Linearised, list[Candidate], Screen, Sizes]:
         """The model linearised where it came to rest, all candidates, their scores, and sizes of what is left."""
@@ -244,7 +265,7 @@ class Search:
             screen(base, looks, late(base, looks), seed=self.seed, threads=self.fits.jobs),
             Sizes(self.problem, self.result, base),
         )
-        self.left = sizes.left
+        self._sizes, self.left = sizes, sizes.left
         self.first_left = self.first_left or sizes.left
         return base, candidates, found, sizes
 
@@ -342,23 +363,11 @@ class Search:
 
     def _borne_out(self, fits: list[Judged], sizes: Sizes, found: Screen) -> list[Judged]:
         """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
-        good, (loose, least) = list[Judged](), self._loose()
-        beside = Beside(accepted=self.accepted, result=self.result, sizes=sizes, found=found, loose=loose, least=least)
-        for c, s, f in fits:
-            told = clear(s, f)
-            refused = f.failed or (why_not(c, s, f, beside) if told else "")
-            if told and not refused:
-                good.append((c, s, f))
-            gained = f.gain if np.isfinite(f.gain) else None
-            self.tried.append(Tried(explanation=explained(c, f.result), predicted=s.gain if s else 0.0, fitted=gained, refused=refused))
+        there, least = loose(self.findings, self.accepted, self.bare.model, self.model)
+        beside = Beside(accepted=self.accepted, result=self.result, sizes=sizes, found=found, loose=there, least=least)
+        good, tried = borne_out(fits, beside)
+        self.tried += tried
         return good
-
-    def _loose(self) -> tuple[set[str], float]:
-        """Components of couplings found soft or loose, with what these brought, and the nats that an effect there has to bring."""
-        gains = [finding.gain for finding, c in zip(self.findings, self.accepted, strict=True) if c.dear]
-        own = self.bare.model.components
-        there = {name for name, one in self.model.components.items() if name not in own or type(one) is not type(own[name])}
-        return (there, DETAIL * max(gains)) if gains else (set(), 0.0)
 
     def _keep(
         self,

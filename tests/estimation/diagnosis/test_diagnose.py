@@ -75,6 +75,19 @@ def test_what_is_held_out_and_contradicts_a_repair_makes_it_undecided():
     assert any("contradicts" in note for note in d.notes)
 
 
+def test_a_small_effect_that_what_is_held_out_contradicts_goes_out_of_the_repair():
+    first, other = case(f_c=20.0, f_0=0.5), posed(run(2.0, STEP, seed=5, f_c=20.0), W={})  # the offset was gone on the other day
+    held_out = replace(other.recordings[0], name="other day", role="held_out")
+    d = diagnose(replace(first, recordings=[*first.recordings, held_out]), jobs=1)
+    assert [f.explanation.physics for f in d.findings] == ["coulomb_friction"]
+    assert d.verdict == "missing_physics"
+    assert "constant" not in d.findings[0].change
+    assert any("is not in the repaired model" in note for note in d.notes)
+    assert not any(name.startswith("constant_force") for name in d.after.parameters)
+    assert d.held_out.improvement_percent > 50
+    assert d.held_out.p_value < 0.01
+
+
 def test_the_repaired_model_has_the_parameters_of_the_machine_and_predicts_what_was_held_out():
     d = friction()
     assert d.after.parameters["carriage.m"].value == pytest.approx(95.109, rel=5e-3)
