@@ -47,6 +47,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "alternatives": [{**_which(e), "log_evidence_gap": e.gap} for e in f.alternatives],
         "ambiguous_with": [_which(e) for e in f.rivals],
         "would_separate": f.separates or None,
+        "described": f.described or None,
         "model_change": f.change,
     }
 

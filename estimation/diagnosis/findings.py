@@ -12,9 +12,10 @@ from backsight.models import Dae
 from backsight.models.analysis.isolability import isolability, telling
 
 from ..problem import Problem
-from ..results import ResidualSummary, Smoothing
+from ..results import Smoothing
 from .candidates import Candidate
 from .choice import RIVAL, SAME, evened, sound
+from .described import described
 from .offsets import PREFIX
 from .onsets import onset
 from .refit import Fitted
@@ -108,8 +109,9 @@ def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Find
     )
 
 
-def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tried], problem: Problem) -> Finding:
+def nameless(place: str, share: float, result: Smoothing, tried: Sequence[Tried], problem: Problem) -> Finding:
     """What is left over at a place, matters, and is nothing of the library; it may be wherever no outputs tell it from there."""
+    left = result.residual_places[place]
     rms = Strength(value=left.rms, std=None, unit=left.unit)
     others, separates = _elsewhere(problem.dae, place, [tuple(r.outputs) for r in problem.recordings])
     return Finding(
@@ -121,6 +123,7 @@ def nameless(place: str, share: float, left: ResidualSummary, tried: Sequence[Tr
         alternatives=tuple(t.explanation for t in tried[:3]),
         rivals=tuple(_unknown(name, {}) for name in others),
         separates=separates,
+        described=described(result, place),
     )
 
 

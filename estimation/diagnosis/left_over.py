@@ -46,7 +46,7 @@ class LeftOver:
             return f"Left over at {worst}: a force of {force}. {kept}: too little for something that is missing."
         if not self.needed(worst):
             return f"Left over at {worst}: a force of {force}. With next to none the recordings are as likely, so it is nothing."
-        return nameless(worst, share, summary, tried, self.base.problem)
+        return nameless(worst, share, self.base.result, tried, self.base.problem)
 
     def needed(self, place: str) -> bool:
         """Whether the recordings need the force that is left over at a place: with as little as does not matter they are less likely.

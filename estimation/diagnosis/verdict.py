@@ -53,7 +53,7 @@ class Finding:
     gain: log evidence over the model without it. regime: where it acts, in words; onset: time from which on it does [s], None from the
     start. share: rms of its force over that of the forces at its place. alternatives: explanations that were refused, with their gaps,
     best first. rivals: those that these recordings cannot tell from it, and separates: what would tell them apart.
-    change: the edit of the model, in words of code.
+    change: the edit of the model, in words of code. described: what a force without a name goes with, in words.
     """
 
     explanation: Explanation
@@ -66,6 +66,7 @@ class Finding:
     alternatives: tuple[Explanation, ...] = ()
     rivals: tuple[Explanation, ...] = ()
     separates: str = ""
+    described: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,7 +44,8 @@ def _verdict(found: Diagnosis) -> str:
             beside = f", beside {listed(others)}" if others else ""
             there = [[f.explanation.place, *(r.place for r in f.rivals if r.physics == UNKNOWN)] for f in nameless]
             where = listed(list(dict.fromkeys(" or ".join(places) for places in there)))
-            return f"Something is missing at {where} that no member of the library explains{beside}."
+            goes = "".join(f" Of the mean square of that force go {f.described}." for f in nameless if f.described)
+            return f"Something is missing at {where} that no member of the library explains{beside}.{goes}"
         case "undecided":
             if found.held_out is not None and found.held_out.refuting:
                 return f"Something is missing, and {what} would explain it where it was fitted alone."

@@ -146,6 +146,7 @@ def _finding(f: Finding) -> list[tuple[str, str]]:
         ("evidence", f"{number(f.gain, 4)} nats"),
         ("change of the model", f.change),
     ]
+    pairs += [("of its mean square go", f"{f.described}: a description, no explanation")] if f.described else []
     return [*pairs, *([("rather than", "; ".join(others))] if others else [])]
 
 

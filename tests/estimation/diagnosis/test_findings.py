@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,8 @@ BOTH, SPEED, CURRENT = ("I_m", "Omega_r"), ("Omega_r",), ("I_m",)
 )
 def test_an_unknown_force_may_be_wherever_the_outputs_cannot_tell_it_from(place, recorded, others, separates):
     left = ResidualSummary(place=place, unit="N.m", rms=0.4, origin="")
-    found = nameless(place, 0.2, left, [], drilled(*recorded))
+    result = SimpleNamespace(residual_places={place: left}, estimates={})
+    found = nameless(place, 0.2, result, [], drilled(*recorded))
     assert found.explanation.place == place
     assert {(r.place, r.physics) for r in found.rivals} == {(other, "unknown_physics") for other in others}
     assert found.separates == separates
