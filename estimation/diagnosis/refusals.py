@@ -140,11 +140,12 @@ def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smo
 
 
 def misleading(c: Candidate, f: Fitted, sizes: Sizes) -> bool:
-    """Whether it is a fault of a sensor or an input with which more forces are left over than without it.
+    """Whether it is a fault of a sensor or an input, or a coupling, with which more forces are left over than without it.
 
-    Such a fault leaves the forces as they are: what is one takes forces away that stood for it.
+    Such a fault leaves the forces as they are: what is one takes forces away that stood for it. A body that a coupling brings is moved by
+    what is on both its sides; one that is moved by forces which nobody knows sets everything beyond it free.
     """
-    if c.family not in SIGNALS or f.problem is None or (whole := f.whole) is None:
+    if not (c.family in SIGNALS or c.dear) or f.problem is None or (whole := f.whole) is None:
         return False
     return leaves_more(f.problem, whole, sizes)
 

@@ -7,7 +7,8 @@ searched for by differential evolution (R. Storn, K. Price, J. Global Optimizati
 
 with the unseen driven along the followed samples (`driven.py`): at first through the beginning of every recording, where few events are to
 be met, then through more of it by the better half of what was tried and others that are new. What only the seen balances know is fitted to
-them at every try. What is known of a parameter beforehand bounds the search to three of its deviations.
+them at every try by a few steps from where the last stage had it: from a far-off guess they end short of it, and costs of neighbours
+jump. What is known of a parameter beforehand bounds the search to three of its deviations.
 """
 
 from __future__ import annotations
@@ -57,10 +58,10 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
     inside = ca.jacobian_sparsity(dae.residual[list(driven.rows.values())], dae.p).get_col()
     own, others = [i for i in problem.free if i in inside], [i for i in problem.free if i not in inside]
     seen = Seen(problem, Driven(dae, driven.rows, tuple(others), driven.velocities), followed, start)
-    scale, least = _Scale.about(problem, own, start), EXACT * seen.forces(start)
+    scale, least, around = _Scale.about(problem, own, start), EXACT * seen.forces(start), start.copy()
 
     def tried(coordinates: Array, ways: list[Way]) -> tuple[float, Array]:
-        now = start.copy()
+        now = around.copy()
         now[own] = scale.values(coordinates)
         runs = [seen.driven.go(w.instants, w.along, now, seen.begun(w.instants, w.along, now, w.known)) for w in ways]
         for _ in range(STEPS if others else 1):
@@ -104,6 +105,8 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
             rng=rng,
         )
         best = np.asarray(done.x)
+        if (nearer := ended(best, ways)) is not None:
+            around[others] = nearer[others]
         kept = done.population[np.argsort(done.population_energies)[: len(done.population) // 2]]
         say(f"{doing}: {done.fun:.4g} left over after {done.nfev} tries")
     return ended(best, ways)

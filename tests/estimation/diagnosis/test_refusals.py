@@ -34,8 +34,8 @@ def test_a_third_law_of_one_family_has_to_take_as_much_as_matters_from_what_is_l
     assert trifling(c, Fitted(candidate=c, result=result(left)), accepted, result(1.0), sizes) is out
 
 
-@pytest.mark.parametrize("family", ["actuator", "friction"])
-def test_a_fault_of_an_input_with_which_more_is_left_over_explains_nothing(family):
+@pytest.mark.parametrize(("family", "dear"), [("actuator", False), ("friction", False), ("transmission", True)])
+def test_a_fault_of_an_input_or_a_coupling_with_which_more_is_left_over_explains_nothing(family, dear):
     """Coulomb friction of 20 N and an input read 40 % too large or right, smoothed without the friction; W as the data have it."""
     made = run(1.0, 2e-3, f_c=20.0)
     right = posed(made, W={})
@@ -45,11 +45,11 @@ def test_a_fault_of_an_input_with_which_more_is_left_over_explains_nothing(famil
     for problem in (right, wrong):
         result = smooth(problem)
         assert result.solution is not None
-        candidate = Candidate(place="input:F", family=family, physics="input_gain")
+        candidate = Candidate(place="input:F", family=family, physics="input_gain", dear=dear)
         fitted = Fitted(candidate=candidate, problem=problem, result=result, worth=Worth(nats=0.0, solution=result.solution))
         fits.append((candidate, fitted, Sizes(problem, result, Linearised(result.solution))))
     (c, better, small), (_, worse, large) = fits
-    assert misleading(c, worse, small) is (family == "actuator")
+    assert misleading(c, worse, small) is (family == "actuator" or dear)
     assert misleading(c, better, large) is False
 
 

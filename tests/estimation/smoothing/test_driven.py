@@ -268,15 +268,14 @@ def test_a_bit_that_sticks_and_slips_goes_as_in_the_simulator_that_finds_its_sto
 @pytest.mark.slow
 @pytest.mark.parametrize("off", [1 / 3, 3.0])
 def test_what_a_bit_sticks_and_slips_by_is_searched_for(off):
-    """Guesses three times off, which an ordinary descent does not lead home from."""
+    """Guesses three times off, which an ordinary descent does not lead home from; the table's inertia, which the seen balance tells, too."""
     problem = drilling({"string.k": 1 / off, "bha.J": off, "bit.tau_sl": off, "bit.tau_st": off, "rotary_table.J": off})
     followed = follow_closely(problem, output_stds(problem)[0], None)
     found = sought(problem, followed, friction_laws(problem), problem.values, lambda _: None)
     assert found is not None
     true = drilling({}).values
     ratio = {problem.dae.parameters[i].name: float(found[1][i] / true[i]) for i in problem.free}
-    del ratio["bit.tau_st"]  # what it breaks away at is told by a few instants only
-    assert ratio == pytest.approx(dict.fromkeys(ratio, 1.0), abs=0.45)
+    assert ratio == pytest.approx(dict.fromkeys(ratio, 1.0), abs=0.15)
 
 
 def test_only_a_body_that_a_law_may_hold_is_searched_for():
