@@ -117,6 +117,13 @@ def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str
     return [s for s in there if s.candidate.key not in {o.candidate.key for o in worth}]
 
 
+def inside_unseen(found: Screen, inside: Collection[str]) -> list[Screened]:
+    """What may be wrong of components that no output shows: the best damping, and parameters. Far from the truth no score tells of it."""
+    there = [s for s in found.found if s.candidate.place in inside]
+    damping = [s for s in there if s.candidate.physics == "damping"][:1]
+    return [*damping, *(s for s in there if s.candidate.family == "parameter")]
+
+
 def steady(result: Smoothing, candidates: Sequence[Candidate], sizes: Sizes) -> list[Candidate]:
     """Components that stand for the offsets which stay (`offsets.py`), where one of these is as large as matters."""
     _, stay = counted_out(result)

@@ -60,14 +60,15 @@ class Fits:
         """Time until the end [s]."""
         return max(self.end - time.time(), 0.0)
 
-    def candidates(self, base: Base, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
-        """The candidates fitted."""
+    def candidates(self, base: Base, wanted: Sequence[tuple[Candidate, Screened | None]], *, anew: bool = False) -> list[Judged]:
+        """The candidates fitted, from where the base came to rest. anew: from the guesses of its problem instead."""
         if not wanted:
             return []
         values = {p.name: p.value for p in base.result.parameters.values()}
-        blob = pickle.dumps((settled(base.problem, base.result), base.model, base.result.solution))
+        begun_at = base.problem if anew else settled(base.problem, base.result)
+        blob = pickle.dumps((begun_at, base.model, base.result.solution))
         starts = [begun(c, s, values) for c, s in wanted]
-        before = repr((sorted(values.items()), list(base.changes), base.settings.weigh))
+        before = repr((sorted(values.items()), list(base.changes), base.settings.weigh, anew))
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
         open_ones = [(name, c, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
@@ -76,7 +77,7 @@ class Fits:
             for k, (name, c, start) in enumerate(open_ones):
                 self.say(f"fit {len(wanted) - len(open_ones) + k + 1} of {len(wanted)}: {c.title}")
                 share = max(LONGEST, 1.0 / (len(open_ones) - k + 1))
-                yield name, partial(fitted_there, blob, c.sent, start, base.settings, self.end, share)
+                yield name, partial(fitted_there, blob, c.sent, start, base.settings, anew, self.end, share)
 
         for name, fit in as_finished(self.pool, calls(), self.ahead):
             found[name] = fit

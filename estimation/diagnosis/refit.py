@@ -159,12 +159,22 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
 
 
 def fitted(
-    problem: Problem, model: Model, begin: Solution, candidate: Candidate, start: Mapping[str, float], settings: Settings = QUICKLY
+    problem: Problem,
+    model: Model,
+    begin: Solution,
+    candidate: Candidate,
+    start: Mapping[str, float],
+    settings: Settings = QUICKLY,
+    *,
+    anew: bool = False,
 ) -> Fitted:
-    """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution."""
+    """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution.
+
+    anew: not from there, but from the problem's own guesses, as any study is; at the weights of that solution, where weights are held.
+    """
     try:
         now, edited = posed(problem, model, candidate, start)
-        anew = candidate.physics in HOLDING and candidate.place in hidden(now) - strengths_at_rest(begin).keys()
+        anew |= candidate.physics in HOLDING and candidate.place in hidden(now) - strengths_at_rest(begin).keys()
         there = None if anew else Begun.of(begin, now)
         weighed = now if settings.weigh else with_weights_of(begin, now)
         if candidate.dear:
@@ -202,13 +212,15 @@ def _fineness(problem: Problem, solution: Solution) -> float:
     return min(float(np.median(h.mesh.steps)) / sampling_interval(r) for r, h in pairs)
 
 
-def fitted_there(blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, end: float, share: float = 1.0) -> Fitted:
+def fitted_there(
+    blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, anew: bool, end: float, share: float = 1.0
+) -> Fitted:
     """`fitted` in a worker, of the pickled (problem, model, solution), in a share of the time until `end` on the clock of `time.time`."""
     problem, model, solution = _shared(blob)
     left = min(settings.seconds, share * (end - time.time()))
     if left <= 0:
         return Fitted(candidate=candidate, failed="no time was left", late=True)
-    return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left))
+    return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left), anew=anew)
 
 
 @lru_cache(maxsize=1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,39 +15,22 @@ from ..smoothing.program import Settings
 from .candidates import Candidate
 from .choice import (
     CLEAR,
-    chosen,
-    coloured,
-    explaining,
-    held_unseen,
     idle,
-    simplest,
-    sound,
-    steady,
-    stood_for,
 )
 from .elimination import Bare
-from .findings import Judged, finding, fitted_strengths, renewed, verdict
+from .findings import finding, renewed, verdict
 from .fits import Base, Fits
-from .indistinct import indistinct
-from .left_over import UNEXPLAINED, LeftOver
-from .library import library
-from .offsets import counted_out
-from .onsets import dated, late, moved
-from .places import joined_to
+from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
-from .refusals import Beside, borne_out, loose
-from .score import Linearised
-from .screen import Screen, Screened, screen
-from .shares import FLOOR, Sizes, limits
-from .supermodel import looked_at
+from .refusals import loose
+from .round import Best, Round
+from .shares import Sizes, limits
 from .verdict import Class, Finding, Tried, Undetectable
 from .words import UNKNOWN
-from .worth import Worth, gains
+from .worth import Worth
 
 EFFECTS = 6
-DATES = 3  # times that the date of what sets in is sought anew
-HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
-NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+MOVES = 3  # times that the model as it is goes where a fit came to rest
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
@@ -76,7 +58,8 @@ class Search:
     """What the search has found so far: the problem with it, its model and its smoothing.
 
     fits: where candidates are fitted, and until when; settings: of these; seed: of what is drawn. held: recordings whose inputs are held,
-    as a study has them, where straight ones were better for the model as it is. compared: whether models could be.
+    as a study has them, where straight ones were better for the model as it is. compared: whether models could be. moved: how often
+    the model as it is went where a fit came to rest.
     """
 
     problem: Problem
@@ -89,13 +72,13 @@ class Search:
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
     first_left: dict[str, float] = field(default_factory=dict)
-    left: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     accepted: list[Candidate] = field(default_factory=list)
     before: Before | None = None
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
+    moved: int = field(default=0, init=False)
     _first: Smoothing = field(init=False, repr=False)
     _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
@@ -116,8 +99,8 @@ class Search:
             self._weighed()
         self._as_fits_are()
         while more:
-            base, candidates, found, sizes = self._scores()
-            more = self.fits.left > 0 and len(self.findings) < EFFECTS and self._round(base, found, sizes, candidates)
+            scored = self._scored()
+            more = self.fits.left > 0 and len(self.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
                 more |= self._weighed()
@@ -128,7 +111,7 @@ class Search:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._on_a_checked_mesh()
         self.renew()
-        self._limits(found, sizes)
+        self._limits(scored)
 
     def _as_fits_are(self) -> None:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
@@ -229,9 +212,6 @@ class Search:
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
         return self.fits.again(self._base, problem, what)
 
-    def _fits(self, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
-        return self.fits.candidates(self._base, wanted)
-
     @property
     def _base(self) -> Base:
         changes = tuple(f.change for f in self.findings)
@@ -253,21 +233,31 @@ class Search:
         of = {id(f): c for f, c in zip(self.named, self.accepted, strict=True)}
         self.findings = [renewed(f, of[id(f)], self.result, self._sizes) if id(f) in of else f for f in self.findings]
 
-    def _scores(self) -> tuple[Linearised, list[Candidate], Screen, Sizes]:
-        """The model linearised where it came to rest, all candidates, their scores, and sizes of what is left."""
+    def _scored(self) -> Round:
+        """All candidates beside the model as it is."""
         self.fits.say(f"round {len(self.findings) + 1}: scores")
-        if self.result.solution is None:
-            raise ValueError("a smoothed model has its solution")
-        base = Linearised(self.result.solution)
-        candidates = library(self.problem, self.model, base.solution, brought={n for c in self.accepted for n in c.brought})
-        looks = looked_at(self.problem, self.model, base, candidates)
-        found, sizes = (
-            screen(base, looks, late(base, looks), seed=self.seed, threads=self.fits.jobs),
-            Sizes(self.problem, self.result, base),
-        )
-        self._sizes, self.left = sizes, sizes.left
-        self.first_left = self.first_left or sizes.left
-        return base, candidates, found, sizes
+        brought = loose(self.findings, self.accepted, self.bare.model, self.model)
+        scored = Round.of(self._base, self.bare, self.accepted, brought, self.fits, self.seed)
+        self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
+        return scored
+
+    def _went_on(self, scored: Round) -> bool:
+        """Whether a round ends with something to keep, which is kept, or with a better rest of the model as it is.
+
+        None can be better than a model of which nobody knows how good.
+        """
+        now = self.now
+        if not np.isfinite(now.nats):
+            self.compared = False
+            self.notes.append(INCOMPARABLE)
+            return False
+        outcome = scored.best(now, moving=self.moved < MOVES)
+        self.tried += scored.tried
+        if isinstance(outcome, Base):
+            self.problem, self.result, self.moved = outcome.problem, outcome.result, self.moved + 1
+        elif outcome is not None:
+            self._keep(scored, outcome)
+        return outcome is not None
 
     def _weighed(self) -> bool:
         """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these.
@@ -287,103 +277,13 @@ class Search:
         (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
         return True
 
-    def _round(self, base: Linearised, found: Screen, sizes: Sizes, candidates: Sequence[Candidate]) -> bool:
-        """Fits the best candidates and keeps one; whether there was one. None can be better than a model of which nobody knows how good."""
-        now = self.now
-        if not np.isfinite(now.nats):
-            self.compared = False
-            self.notes.append(INCOMPARABLE)
-            return False
-        worth = [dated(base, s) for s in chosen(found, sizes)]
-        if worth:
-            rests = {name for name, place in self.result.residual_places.items() if place.rest_share}
-            worth += held_unseen(found, worth, hidden(self.problem) - rests)
-        fits = _gained(self._fits([(s.candidate, s) for s in worth]), now)
-        more = self._fits([(s.candidate, s) for s in (dated(base, s) for s in stood_for(found, sizes, fits))])
-        fits = _gained([*fits, *more], now)
-        most, plain = max(sizes.left.values(), default=0.0), [fit for fit in fits if explaining(*fit)]
-        hinted = most > HINT * FLOOR or (self.settings.weigh and coloured(self.result))
-        if not self._explains(plain) and (most > FLOOR or (hinted and not plain)):
-            dear = self._fits([(c, None) for c in candidates if c.dear and self._left_near(c.place, most) >= NEAR * most])
-            fits = _gained([*fits, *dear], now)
-        fits.sort(key=lambda f: (-f[2].gain, f[0].rank))
-        good = self._borne_out(fits, sizes, found)
-        if not good and (constant := steady(self.result, candidates, sizes)):
-            without = counted_out(self.result, all_of_them=True)[0] - counted_out(self.result)[0]
-            last = _gained(self._fits([(c, None) for c in constant]), replace(now, nats=now.nats + without))
-            fits = [*fits, *last]
-            good = self._borne_out(last, sizes, found)
-        if not good:
-            return False
-        best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
-        same = indistinct(best, good)
-        best, same = min([best, *same], key=lambda f: (f[0].plainness, -f[2].gain)), [best, *same]
-        self._keep(base, self._set_in(best), fits, found, sizes, [f[0] for f in same])
-        return True
-
-    def _set_in(self, best: Judged) -> Judged:
-        """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
-        for _ in range(DATES):
-            c, s, f = best
-            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.worth.solution is None:
-                return best
-            self.fits.say(f"when {c.title} sets in")
-            there = Linearised(f.worth.solution)
-            again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
-            looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
-            if f.result is None or not looks:
-                return best
-            strengths = fitted_strengths(c, f.result)
-            time, gained = moved(there, looks[0], strengths, c.onset)
-            since = s.look.whole.candidate.since(time)
-            if gained < CLEAR or since is None:
-                return best
-            look = replace(s.look, candidate=since)
-            (again_fitted,) = self._fits([(since, replace(s, look=look, estimate=strengths))])
-            c, s, f_again = again_fitted
-            more = f_again.worth.over(f.worth)
-            if more < 0 or not sound(since, f_again):
-                return best
-            best = c, s, replace(f_again, gain=f.gain + more)
-        return best
-
-    def _explains(self, fits: list[Judged]) -> bool:
-        """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
-        worst = max(self.left, key=lambda p: self.left[p], default="")
-        after = [f.result.residual_places[worst].rms for _, _, f in fits if f.result is not None and worst in f.result.residual_places]
-        return bool(after) and min(after) ** 2 < (1.0 - UNEXPLAINED) * self.result.residual_places[worst].rms ** 2
-
-    def _left_near(self, place: str, most: float) -> float:
-        """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""
-        if place in self.left:
-            return self.left[place]
-        merged = self.problem.dae.merged_places
-        joined = {merged.get(name, name) for name in joined_to(self.model, place)}
-        return max((self.left[name] for name in joined if name in self.left), default=most)
-
-    def _borne_out(self, fits: list[Judged], sizes: Sizes, found: Screen) -> list[Judged]:
-        """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
-        there, least = loose(self.findings, self.accepted, self.bare.model, self.model)
-        beside = Beside(accepted=self.accepted, result=self.result, sizes=sizes, found=found, loose=there, least=least)
-        good, tried = borne_out(fits, beside)
-        self.tried += tried
-        return good
-
-    def _keep(
-        self,
-        base: Linearised,
-        best: Judged,
-        fits: list[Judged],
-        found: Screen,
-        sizes: Sizes,
-        same: Sequence[Candidate] = (),
-    ) -> None:
-        """The best becomes a part of the model. same: candidates that nobody can tell from it."""
-        c, _, f = best
+    def _keep(self, scored: Round, best: Best) -> None:
+        """The best becomes a part of the model."""
+        c, _, f = best.judged
         had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        new = finding(base, best, fits, found, sizes, same)
+        new = finding(scored.linearised, best.judged, scored.fitted, scored.found, scored.sizes, best.same)
         stay = [not c.replaces(old) for old in self.accepted]
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
@@ -414,10 +314,11 @@ class Search:
             self.problem, self.result = problem, found
             self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + more)
 
-    def _limits(self, found: Screen, sizes: Sizes) -> None:
+    def _limits(self, scored: Round) -> None:
+        """What could not have been seen, and what is left over."""
         skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}
-        self.undetectable = limits(found, sizes, self.model, skipped)
-        self._unexplained(sizes)
+        self.undetectable = limits(scored.found, scored.sizes, self.model, skipped)
+        self._unexplained(scored.sizes)
 
     def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
@@ -440,10 +341,3 @@ class Search:
     def verdict(self) -> Class:
         """One word for what was found."""
         return verdict(self.findings) if self.compared else "undecided"
-
-
-def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
-    """The fits with what they gain over the model as it is."""
-    found = gains([(c.place, (c.size, c.rank), f.worth) for c, _, f in fits], now)
-    doubts = [f.worth.doubt(now) if s is None and np.isfinite(f.worth.nats) else 0.0 for _, s, f in fits]
-    return [(c, s, replace(f, gain=gain, doubt=doubt)) for (c, s, f), gain, doubt in zip(fits, found, doubts, strict=True)]

@@ -268,7 +268,7 @@ def test_a_bit_that_sticks_and_slips_goes_as_in_the_simulator_that_finds_its_sto
 @pytest.mark.slow
 @pytest.mark.parametrize("off", [1 / 3, 3.0])
 def test_what_a_bit_sticks_and_slips_by_is_searched_for(off):
-    """Guesses three times off, which an ordinary descent does not lead home from; the table's inertia, which the seen balance tells, too."""
+    """Guesses three times off, which an ordinary descent does not lead home from; the inertia of the table is one."""
     problem = drilling({"string.k": 1 / off, "bha.J": off, "bit.tau_sl": off, "bit.tau_st": off, "rotary_table.J": off})
     followed = follow_closely(problem, output_stds(problem)[0], None)
     found = sought(problem, followed, friction_laws(problem), problem.values, lambda _: None)

@@ -1,0 +1,233 @@
+"""One round of a search: all candidates scored beside a model, the best of them fitted, and the one that the evidence bears out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..problem import Free
+from .candidates import Candidate
+from .choice import (
+    CLEAR,
+    chosen,
+    coloured,
+    explaining,
+    held_unseen,
+    inside_unseen,
+    simplest,
+    sound,
+    steady,
+    stood_for,
+)
+from .elimination import Bare
+from .findings import Judged, fitted_strengths
+from .fits import Base, Fits
+from .indistinct import indistinct
+from .left_over import UNEXPLAINED
+from .library import library
+from .offsets import counted_out
+from .onsets import dated, late, moved
+from .places import joined_to
+from .refit import hidden, settled, worth_of
+from .refusals import Beside, borne_out
+from .score import Linearised
+from .screen import Screen, Screened, screen
+from .shares import FLOOR, Sizes
+from .supermodel import looked_at
+from .verdict import Tried
+from .worth import Worth, gains
+
+DATES = 3  # times that the date of what sets in is sought anew
+HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
+NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+
+
+@dataclass(frozen=True, kw_only=True)
+class Best:
+    """What a round ends with: the fit that is kept, and candidates that nobody can tell from it."""
+
+    judged: Judged
+    same: tuple[Candidate, ...]
+
+
+@dataclass(kw_only=True)
+class Round:
+    """A model linearised where it came to rest, all candidates, their scores, and sizes of what is left.
+
+    base: that model; bare: the first one; loose, least: as `Beside` has them. fitted, tried: candidates so far, and what became of them.
+    """
+
+    base: Base
+    bare: Bare
+    fits: Fits
+    linearised: Linearised
+    candidates: Sequence[Candidate]
+    found: Screen
+    sizes: Sizes
+    accepted: Sequence[Candidate]
+    loose: tuple[set[str], float]
+    fitted: list[Judged] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, base: Base, bare: Bare, accepted: Sequence[Candidate], loose: tuple[set[str], float], fits: Fits, seed: int) -> Round:
+        """The scores of all candidates. seed: of what is drawn."""
+        if base.result.solution is None:
+            raise ValueError("a smoothed model has its solution")
+        linearised = Linearised(base.result.solution)
+        candidates = library(base.problem, base.model, linearised.solution, brought={n for c in accepted for n in c.brought})
+        looks = looked_at(base.problem, base.model, linearised, candidates)
+        return cls(
+            base=base,
+            bare=bare,
+            fits=fits,
+            linearised=linearised,
+            candidates=candidates,
+            found=screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs),
+            sizes=Sizes(base.problem, base.result, linearised),
+            accepted=accepted,
+            loose=loose,
+        )
+
+    def best(self, now: Worth, *, moving: bool) -> Best | Base | None:
+        """The fit that is kept, or the model as it is from where another fit came to rest; None where there is neither.
+
+        now: what the model as it is is worth. moving: whether it may go where a fit came to rest.
+        """
+        most = max(self.sizes.left.values(), default=0.0)
+        self._fit_the_likely(now)
+        plain = [fit for fit in self.fitted if explaining(*fit)]
+        hinted = most > HINT * FLOOR or (self.base.settings.weigh and coloured(self.base.result))
+        if not self._explained(plain) and (most > FLOOR or (hinted and not plain)):
+            self._fit([(c, None) for c in self.candidates if c.dear and self._left_near(c.place, most) >= NEAR * most], now)
+        self.fitted.sort(key=lambda f: (-f[2].gain, f[0].rank))
+        good = self._borne_out(self.fitted)
+        if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
+            without = counted_out(self.base.result, all_of_them=True)[0] - counted_out(self.base.result)[0]
+            good = self._borne_out(self._fit_apart([(c, None) for c in constant], replace(now, nats=now.nats + without), self.base))
+        if moving and (nearer := self._from_a_fit(now, good)) is not None:
+            return nearer
+        if not good and hinted:
+            good = self._borne_out(self._fit_apart(self._inside_unseen(), now, self._as_guessed, anew=True))
+        if not good:
+            return None
+        best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
+        same = indistinct(best, good)
+        best, same = min([best, *same], key=lambda f: (f[0].plainness, -f[2].gain)), [best, *same]
+        return Best(judged=self._set_in(best), same=tuple(f[0] for f in same))
+
+    def _fit_the_likely(self, now: Worth) -> None:
+        """Fits of what the scores make likely, and of what they may not tell of."""
+        worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes)]
+        if worth:
+            rests = {name for name, place in self.base.result.residual_places.items() if place.rest_share}
+            worth += held_unseen(self.found, worth, hidden(self.base.problem) - rests)
+        self._fit([(s.candidate, s) for s in worth], now)
+        more = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
+        self._fit([(s.candidate, s) for s in more], now)
+
+    def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
+        """Fits of candidates, held against those that there are."""
+        self.fitted = _gained([*self.fitted, *self.fits.candidates(self.base, wanted)], now)
+
+    def _fit_apart(
+        self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth, base: Base, *, anew: bool = False
+    ) -> list[Judged]:
+        """Fits of candidates that are held against the model as it is alone.
+
+        anew: from the guesses of the base: where that leads nobody has scored.
+        """
+        fits = self.fits.candidates(base, wanted, anew=anew)
+        fits = _gained([(c, None, f) for c, _, f in fits] if anew else fits, now)
+        self.fitted = [*self.fitted, *fits]
+        return fits
+
+    @property
+    def _as_guessed(self) -> Base:
+        """The base with the guesses of its parameters that were given."""
+        own = self.base.problem.parameters
+        given = {name: free for name, free in self.bare.problem.parameters.items() if isinstance(free, Free) and name in own}
+        return replace(self.base, problem=replace(self.base.problem, parameters={**own, **given}))
+
+    def _borne_out(self, fits: list[Judged]) -> list[Judged]:
+        """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
+        there, least = self.loose
+        beside = Beside(accepted=self.accepted, result=self.base.result, sizes=self.sizes, found=self.found, loose=there, least=least)
+        good, tried = borne_out(fits, beside)
+        self.tried += tried
+        return good
+
+    def _from_a_fit(self, now: Worth, good: list[Judged]) -> Base | None:
+        """The model as it is from where a fit came to rest whose own effect is nothing, where it is better there.
+
+        A model may never fit worse than one of which it is a part. Not asked where what was borne out is better than that fit.
+        """
+        least = max((f.gain for _, _, f in good), default=CLEAR)
+        idle = [(f.gain, c.title, f.whole) for c, _, f in self.fitted if np.isfinite(f.gain) and f.gain >= least and not sound(c, f)]
+        _, title, there = max(idle, key=lambda one: one[0], default=(0.0, "", None))
+        if there is None:
+            return None
+        self.fits.say(f"the model as it is, from where {title} came to rest")
+        problem, weigh = settled(self.base.problem, there), self.base.settings.weigh
+        again = self.fits.again(replace(self.base, result=there), problem, f"the model as it is, from where {title} came to rest")
+        if again is None or not worth_of(problem, again, weighed=weigh).over(now) > CLEAR:
+            return None
+        return replace(self.base, problem=problem, result=again)
+
+    def _inside_unseen(self) -> list[tuple[Candidate, Screened | None]]:
+        """What may be wrong inside of what no output shows."""
+        problem, model = self.base.problem, self.base.model
+        unseen = hidden(problem)
+        around = {name for body in unseen & model.components.keys() for name in joined_to(model, body)}
+        seen = {place.name for place in problem.dae.places} - unseen
+        return [(s.candidate, s) for s in inside_unseen(self.found, (unseen | around) - seen)]
+
+    def _set_in(self, best: Judged) -> Judged:
+        """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
+        for _ in range(DATES):
+            c, s, f = best
+            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.worth.solution is None:
+                return best
+            self.fits.say(f"when {c.title} sets in")
+            there = Linearised(f.worth.solution)
+            again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
+            looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
+            if f.result is None or not looks:
+                return best
+            strengths = fitted_strengths(c, f.result)
+            time, gained = moved(there, looks[0], strengths, c.onset)
+            since = s.look.whole.candidate.since(time)
+            if gained < CLEAR or since is None:
+                return best
+            look = replace(s.look, candidate=since)
+            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths))])
+            c, s, f_again = again_fitted
+            more = f_again.worth.over(f.worth)
+            if more < 0 or not sound(since, f_again):
+                return best
+            best = c, s, replace(f_again, gain=f.gain + more)
+        return best
+
+    def _explained(self, fits: list[Judged]) -> bool:
+        """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
+        left, before = self.sizes.left, self.base.result.residual_places
+        worst = max(left, key=lambda p: left[p], default="")
+        after = [f.result.residual_places[worst].rms for _, _, f in fits if f.result is not None and worst in f.result.residual_places]
+        return bool(after) and min(after) ** 2 < (1.0 - UNEXPLAINED) * before[worst].rms ** 2
+
+    def _left_near(self, place: str, most: float) -> float:
+        """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""
+        left, merged = self.sizes.left, self.base.problem.dae.merged_places
+        if place in left:
+            return left[place]
+        joined = {merged.get(name, name) for name in joined_to(self.base.model, place)}
+        return max((left[name] for name in joined if name in left), default=most)
+
+
+def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
+    """The fits with what they gain over the model as it is."""
+    found = gains([(c.place, (c.size, c.rank), f.worth) for c, _, f in fits], now)
+    doubts = [f.worth.doubt(now) if s is None and np.isfinite(f.worth.nats) else 0.0 for _, s, f in fits]
+    return [(c, s, replace(f, gain=gain, doubt=doubt)) for (c, s, f), gain, doubt in zip(fits, found, doubts, strict=True)]

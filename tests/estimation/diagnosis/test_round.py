@@ -1,0 +1,61 @@
+"""What a round does beside scores and refusals: the model as it is may come to rest better where a fit did; what no output shows."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+from concealed_axis import posed, run
+
+from backsight.estimation import Free, Problem, Smoothing, Weights
+from backsight.estimation.diagnosis.elimination import Bare
+from backsight.estimation.diagnosis.fits import Base, Fits
+from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.refit import QUICKLY, worth_of
+from backsight.estimation.diagnosis.round import Round
+from backsight.estimation.smoothing.smoother import smoothing
+
+
+def begun(problem: Problem, result: Smoothing) -> Round:
+    """The scores beside a smoothed model."""
+    fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=inf)
+    base = Base(problem=problem, model=problem.model, result=result, settings=QUICKLY, changes=())
+    return Round.of(base, Bare(problem=problem, model=problem.model), [], (set(), 0.0), fits, 0)
+
+
+def test_a_model_that_was_left_in_a_worse_valley_goes_where_a_fit_of_nothing_came_to_rest():
+    """Nothing is missing: Coulomb friction is fitted as none, and gains all that the model as it is was short of, 50 nats."""
+    problem = replace(posed(run(1.0, 2e-3)), weights=Weights(W={"carriage": 0.02}))
+    result = smoothing(problem, settings=QUICKLY)
+    scored, right = begun(problem, result), worth_of(problem, result, weighed=True)
+    short = replace(right, nats=right.nats - 50.0)
+    friction = next(s for s in scored.found.found if s.candidate.physics == "coulomb_friction")
+    scored._fit([(friction.candidate, friction)], short)
+    assert 40 < scored.fitted[0][2].gain < 50
+    nearer = scored._from_a_fit(short, [])
+    assert nearer is not None
+    assert nearer.result.solver.converged
+    assert nearer.model is problem.model
+    assert np.isclose(worth_of(problem, nearer.result, weighed=True).nats, right.nats, atol=0.1)
+    good = [(c, s, replace(f, gain=60.0)) for c, s, f in scored.fitted]
+    assert scored._from_a_fit(short, good) is None  # what was borne out is better than that
+
+
+def test_a_model_that_came_to_rest_stays():
+    problem = replace(posed(run(1.0, 2e-3)), weights=Weights(W={"carriage": 0.02}))
+    result = smoothing(problem, settings=QUICKLY)
+    scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
+    friction = next(s for s in scored.found.found if s.candidate.physics == "coulomb_friction")
+    scored._fit([(friction.candidate, friction)], now)
+    assert scored._from_a_fit(now, []) is None
+
+
+def test_fits_anew_begin_at_the_guesses_that_were_given():
+    problem = posed(run(0.2, 2e-3))
+    scored = begun(problem, smoothing(problem, settings=QUICKLY))
+    moved = {name: replace(free, guess=2 * free.guess) for name, free in problem.parameters.items() if isinstance(free, Free)}
+    scored.base = replace(scored.base, problem=replace(problem, parameters={**problem.parameters, **moved, "friction.f_c": Free(1.0)}))
+    guessed = scored._as_guessed.problem.parameters
+    assert guessed == {**problem.parameters, "friction.f_c": Free(1.0)}
