@@ -64,7 +64,7 @@ class Fits:
         """The candidates fitted, from where the base came to rest. anew: from the guesses of its problem instead."""
         if not wanted:
             return []
-        values = {p.name: p.value for p in base.result.parameters.values()}
+        values = _found(base.result)
         begun_at = base.problem if anew else settled(base.problem, base.result)
         blob = pickle.dumps((begun_at, base.model, base.result.solution))
         starts = [begun(c, s, values) for c, s in wanted]
@@ -95,7 +95,7 @@ class Fits:
             return None
         weighed = problem if base.settings.weigh else with_weights_of(solution, problem)
         settings = replace(base.settings, seconds=min(base.settings.seconds, max(self.left / 2, least)))
-        name = self.kept.name(repr((what, list(base.changes), base.settings.weigh)))
+        name = self.kept.name(repr((what, list(base.changes), base.settings.weigh)), start=_found(base.result))
         begin = Begun.of(solution, weighed)
         try:
             found = self.kept.smoothed(name, partial(smoothing, weighed, settings=settings, begin=begin, progress=self.say))
@@ -107,7 +107,11 @@ class Fits:
         """A problem smoothed with weights from the data, starting where another one of it came to rest; None where it does not."""
         problem = without_idle(settled(problem, near), near)
         free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
-        name = self.kept.name(repr(("weighed", list(base.changes), free)))
+        name = self.kept.name(repr(("weighed", list(base.changes), free)), start=_found(near))
         settings = replace(QUICKLY, seconds=self.left / 2, supposed=base.settings.supposed)
         found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=near.solution, progress=self.say))
         return None if found is None or not found.solver.converged else (problem, found)
+
+
+def _found(result: Smoothing) -> dict[str, float]:
+    return {p.name: p.value for p in result.parameters.values()}

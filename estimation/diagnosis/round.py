@@ -162,9 +162,9 @@ class Round:
     def _from_a_fit(self, now: Worth, good: list[Judged]) -> Base | None:
         """The model as it is from where a fit came to rest whose own effect is nothing, where it is better there.
 
-        A model may never fit worse than one of which it is a part. Not asked where what was borne out is better than that fit.
+        A model may never fit worse than one of which it is a part. Not asked where what was borne out is about as good as that fit.
         """
-        least = max((f.gain for _, _, f in good), default=CLEAR)
+        least = CLEAR + max((f.gain for _, _, f in good), default=0.0)
         idle = [(f.gain, c.title, f.whole) for c, _, f in self.fitted if np.isfinite(f.gain) and f.gain >= least and not sound(c, f)]
         _, title, there = max(idle, key=lambda one: one[0], default=(0.0, "", None))
         if there is None:

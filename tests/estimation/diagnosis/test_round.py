@@ -39,8 +39,8 @@ def test_a_model_that_was_left_in_a_worse_valley_goes_where_a_fit_of_nothing_cam
     assert nearer.result.solver.converged
     assert nearer.model is problem.model
     assert np.isclose(worth_of(problem, nearer.result, weighed=True).nats, right.nats, atol=0.1)
-    good = [(c, s, replace(f, gain=60.0)) for c, s, f in scored.fitted]
-    assert scored._from_a_fit(short, good) is None  # what was borne out is better than that
+    good = [(c, s, replace(f, gain=45.0)) for c, s, f in scored.fitted]
+    assert scored._from_a_fit(short, good) is None  # what was borne out is about as good
 
 
 def test_a_model_that_came_to_rest_stays():
