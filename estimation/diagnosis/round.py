@@ -56,7 +56,8 @@ class Best:
 class Round:
     """A model linearised where it came to rest, all candidates, their scores, and sizes of what is left.
 
-    base: that model; bare: the first one; loose, least: as `Beside` has them. fitted, tried: candidates so far, and what became of them.
+    base: that model; bare: the first one; loose: as `Beside` has it, and least. fitted: candidates so far, and
+    tried: what became of them.
     """
 
     base: Base

@@ -190,7 +190,7 @@ def test_every_shape_is_there_and_one_that_shows_nothing_has_no_deviation():
     first, none, larger = found.shapes[id(c)]
     assert [s.look for s in (first, none, larger)] == looks
     assert np.isinf(none.std[0])
-    assert larger.std[0] == pytest.approx(first.std[0] / 3) == pytest.approx(best.std[0] * (1 if best.look is larger else 1 / 3))
+    assert larger.std[0] == pytest.approx(first.std[0] / 3) == pytest.approx(best.std[0] * (1 if best.look is larger.look else 1 / 3))
     assert [np.isinf(s.std[0]) for s in found.shapes[id(untold)]] == [True]
 
 
