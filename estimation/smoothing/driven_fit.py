@@ -9,8 +9,9 @@ balance has room for its own forces, rotors of any gain explain any motion, and 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -66,7 +67,7 @@ class Seen:
         """F (balances, M) and its slopes (balances, M, ..) in l', l and the free parameters, at l and l' (n, M)."""
         (dx, x, *others), count = self.driven.filled(along, state, rate), state.shape[1]
         p, p_ref = (np.repeat(a[:, None], count, axis=1) for a in (parameters, self.reference))
-        r, *parts = (np.asarray(a, dtype=np.float64) for a in self._balances.map(count)(dx, x, *others, p, p_ref))
+        r, *parts = (np.asarray(a, dtype=np.float64) for a in self._at_once(count)(dx, x, *others, p, p_ref))
         return r, *(a.reshape(len(self.rows), count, a.shape[1] // count) for a in parts)
 
     def begun(self, instants: Array, along: tuple[Array, ...], parameters: Array, known: Array | None = None) -> Array:
@@ -151,6 +152,11 @@ class Seen:
 
     def _places(self, rows: list[int]) -> list[int]:
         return [int(place) for row in rows if (place := self.problem.dae.equations[row].place) is not None]
+
+    @cached_property
+    def _at_once(self) -> Callable[[int], Any]:
+        """How many points -> the balances at all of them."""
+        return cache(self._balances.map)
 
     @cached_property
     def _balances(self) -> Any:
