@@ -7,6 +7,7 @@ axis        M. Brunot, A. Janot: a ball screw with a force in and a position out
 pendulum    F. Wiebe et al.: two joints without friction. Known: Coulomb friction in both, 0.21 and 0.17 N.m in slow motion
 stage       a geared hub with a flexible link, taken for rigid, without dry friction. Known: stiffness 23..27 N.m/rad; Coulomb 1.2 N.m
 rotor       H. Andrade: a motor at one turn a second. Known: cogging 72 times a turn, 0.17 A at 0.032 N.m/A; stiction 0.054 A
+held_rotor  the same motor, held every 0.002 rad for a while, one turn forth and back. Known: the same
 joint       one joint of an arm in one slow sine, without dry friction. Known: Coulomb friction 12.5 N.m, viscous friction 21.3 N.m.s/rad
 oscillator  T. Wigren, J. Schoukens: a circuit that moves as a mass on a hardening spring, taken for a linear one. Known: a cubic stiffness
             and an offset
@@ -86,6 +87,23 @@ def rotor(folder: Path) -> Problem:
     )
 
 
+def held_rotor(folder: Path) -> Problem:
+    """Means of a quarter of a second: between two of them a rotor of such inertia is anywhere, and only where it is held is told."""
+    log = pd.read_csv(folder / "laas_bldc_cogging/quasi_static_mapping_2turns.csv")
+    rows = log.groupby((log["t_s"] // 0.25).astype(int)).mean()
+
+    def part(name: str, start: float, end: float, role: Literal["fit", "held_out"]) -> Recording:
+        own = rows[rows["t_s"].between(start, end, inclusive="left")]
+        inputs, outputs = {"i": own["iq_A"].to_numpy()}, {"phi": own["q_rad"].to_numpy()}
+        return Recording(name=name, time=own["t_s"].to_numpy(), inputs=inputs, outputs=outputs, output_std={"phi": 3e-4}, role=role)
+
+    return Problem(
+        model=driven_rotor(gain=0.0318),
+        recordings=[part("round the turning point", 500.0, 1000.0, "fit"), part("back", 1000.0, 1250.0, "held_out")],
+        parameters={"rotor.J": 4.7e-6, "friction.d": 0.0, "friction.tau_c": 0.0},
+    )
+
+
 def joint(folder: Path) -> Problem:
     columns = {"time": "t_s", "inputs": {"i": "i1_A"}, "outputs": {"q": "q1_rad"}}
     return Problem(
@@ -149,7 +167,11 @@ def flown(file: Path, role: Literal["fit", "held_out"]) -> Recording:
     )
 
 
-MACHINES: dict[str, Callable[[Path], Problem]] = {f.__name__: f for f in (axis, pendulum, stage, rotor, joint, oscillator, flight)}
+MACHINES: dict[str, Callable[[Path], Problem]] = {
+    f.__name__: f for f in (axis, pendulum, stage, rotor, held_rotor, joint, oscillator, flight)
+}
+    f.__name__: f for f in (axis, pendulum, stage, rotor, held_rotor, joint, oscillator, flight)
+}
 
 
 def told(found: Diagnosis) -> str:
@@ -158,6 +180,7 @@ def told(found: Diagnosis) -> str:
     for x in found.findings:
         numbers = ", ".join(f"{n} {s.value:.5g} +- {s.std or np.nan:.2g} {s.unit}" for n, s in x.explanation.parameters.items())
         rows.append(f"  {x.explanation.words}: {numbers}; {x.gain:.0f} nats, {when(x)}, share {x.share}")
+        rows += [f"    {x.described}"] if x.described else []
         rows += [f"    or {rival.words}" for rival in x.rivals]
     rows += [f"  tried {t.explanation.words}: predicted {t.predicted}, fitted {t.fitted}; {t.refused}" for t in found.tried[:30]]
     rows += [f"  {p.name} {p.value:.5g} +- {p.std or np.nan:.2g}" for p in found.after.parameters.values() if not p.fixed]
