@@ -170,8 +170,6 @@ def flown(file: Path, role: Literal["fit", "held_out"]) -> Recording:
 MACHINES: dict[str, Callable[[Path], Problem]] = {
     f.__name__: f for f in (axis, pendulum, stage, rotor, held_rotor, joint, oscillator, flight)
 }
-    f.__name__: f for f in (axis, pendulum, stage, rotor, held_rotor, joint, oscillator, flight)
-}
 
 
 def told(found: Diagnosis) -> str:
