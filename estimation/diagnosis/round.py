@@ -107,11 +107,12 @@ class Round:
         good = self._borne_out(self.fitted)
         if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
             without = counted_out(self.base.result, all_of_them=True)[0] - counted_out(self.base.result)[0]
-            good = self._borne_out(self._fit_apart([(c, None) for c in constant], replace(now, nats=now.nats + without), self.base))
+            fits = self.fits.candidates(self.base, [(c, None) for c in constant])
+            good = self._borne_out(self._alone(fits, replace(now, nats=now.nats + without)))
         if moving and (nearer := self._from_a_fit(now, good)) is not None:
             return nearer
         if not good and hinted:
-            good = self._borne_out(self._fit_apart(self._inside_unseen(), now, self._as_guessed, anew=True))
+            good = self._borne_out(self._alone(self._fitted_anew(), now))
         if not good:
             return None
         best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
@@ -133,17 +134,25 @@ class Round:
         """Fits of candidates, held against those that there are."""
         self.fitted = _gained([*self.fitted, *self.fits.candidates(self.base, wanted)], now)
 
-    def _fit_apart(
-        self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth, base: Base, *, anew: bool = False
-    ) -> list[Judged]:
-        """Fits of candidates that are held against the model as it is alone.
-
-        anew: from the guesses of the base: where that leads nobody has scored.
-        """
-        fits = self.fits.candidates(base, wanted, anew=anew)
-        fits = _gained([(c, None, f) for c, _, f in fits] if anew else fits, now)
+    def _alone(self, fits: list[Judged], now: Worth) -> list[Judged]:
+        """Further fits, with what they gain over the model as it is, whatever others there are."""
+        fits = _gained(fits, now)
         self.fitted = [*self.fitted, *fits]
         return fits
+
+    def _fitted_anew(self) -> list[Judged]:
+        """Fits from the guesses of what may be wrong inside of what no output shows, and of what is likely there and did not come to rest.
+
+        What the former are worth no score tells.
+        """
+        problem, model = self.base.problem, self.base.model
+        unseen = hidden(problem)
+        around = {name for body in unseen & model.components.keys() for name in joined_to(model, body)}
+        inside = (unseen | around) - ({place.name for place in problem.dae.places} - unseen)
+        lost = [s for c, s, f in self.fitted if s is not None and c.place in inside and not np.isfinite(f.gain)]
+        others = [s for s in inside_unseen(self.found, inside) if s not in lost]
+        fits = self.fits.candidates(self._as_guessed, [(s.candidate, s) for s in (*lost, *others)], anew=True)
+        return [(c, s if s in lost else None, f) for c, s, f in fits]
 
     @property
     def _as_guessed(self) -> Base:
@@ -176,14 +185,6 @@ class Round:
         if again is None or not worth_of(problem, again, weighed=weigh).over(now) > CLEAR:
             return None
         return replace(self.base, problem=problem, result=again)
-
-    def _inside_unseen(self) -> list[tuple[Candidate, Screened | None]]:
-        """What may be wrong inside of what no output shows."""
-        problem, model = self.base.problem, self.base.model
-        unseen = hidden(problem)
-        around = {name for body in unseen & model.components.keys() for name in joined_to(model, body)}
-        seen = {place.name for place in problem.dae.places} - unseen
-        return [(s.candidate, s) for s in inside_unseen(self.found, (unseen | around) - seen)]
 
     def _set_in(self, best: Judged) -> Judged:
         """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""

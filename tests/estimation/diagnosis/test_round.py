@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import inf
 
 import numpy as np
 from concealed_axis import posed, run
+from examples import soft_drive
+from screened import screened
 
-from backsight.estimation import Free, Problem, Smoothing, Weights
+from backsight.estimation import Free, Problem, Recording, Smoothing, Weights
+from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.fits import Base, Fits
 from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.refit import QUICKLY, worth_of
+from backsight.estimation.diagnosis.refit import QUICKLY, Fitted, worth_of
 from backsight.estimation.diagnosis.round import Round
+from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.smoothing.smoother import smoothing
 
 
@@ -59,3 +64,49 @@ def test_fits_anew_begin_at_the_guesses_that_were_given():
     scored.base = replace(scored.base, problem=replace(problem, parameters={**problem.parameters, **moved, "friction.f_c": Free(1.0)}))
     guessed = scored._as_guessed.problem.parameters
     assert guessed == {**problem.parameters, "friction.f_c": Free(1.0)}
+
+
+def screen(*found: Screened) -> Screen:
+    return Screen(found=found, chance=Chance(looks=Counter({1: len(found)})), G=np.empty((0, 0)), plain=np.empty(0), columns=())
+
+
+def of_family(family: str, s: Screened) -> Screened:
+    return replace(s, look=replace(s.look, candidate=replace(s.candidate, family=family)))
+
+
+class Asked:
+    """Fits that are only asked for."""
+
+    def candidates(self, base, wanted, *, anew):
+        assert anew
+        self.problem, self.wanted = base.problem, wanted
+        return [(c, s, Fitted(candidate=c)) for c, s in wanted]
+
+
+def test_inside_of_what_no_output_shows_damping_and_parameters_are_fitted_anew_and_what_did_not_come_to_rest():
+    """Of a motor that is seen, a shaft, and a load in a bearing that is not."""
+    free = {"motor.J": Free(2e-3), "load.J": Free(8e-3), "shaft.k": Free(40.0), "shaft.d": 0.01, "bearing.d": 0.05}
+    t = np.linspace(0.0, 1.0, 101)
+    recording = Recording(name="run", time=t, inputs={"tau": np.sin(9 * t)}, outputs={"phi": np.sin(9 * t)}, output_std={"phi": 1e-3})
+    problem = Problem(model=soft_drive(), recordings=[recording], parameters=free)
+    base = Base(problem=problem, model=problem.model, result=None, settings=QUICKLY, changes=())
+    damping, elsewhere = screened("shaft", "damping", 0.1), screened("motor", "damping", 9.0)
+    parameters = [of_family("parameter", screened(place, "wrong_parameter", 0.1)) for place in ("shaft", "bearing", "motor")]
+    lost, fitted, seen = (screened(place, "quadratic_drag", 9.0) for place in ("load", "load", "motor"))
+    found = screen(elsewhere, lost, fitted, seen, damping, *parameters)
+    asked = Asked()
+    one = Round(
+        base=base,
+        bare=Bare(problem=problem, model=problem.model),
+        fits=asked,
+        linearised=None,
+        candidates=[],
+        found=found,
+        sizes=None,
+        accepted=[],
+        loose=(set(), 0.0),
+    )
+    one.fitted = [(s.candidate, s, Fitted(candidate=s.candidate, gain=gain)) for s, gain in ((lost, -inf), (fitted, 5.0), (seen, -inf))]
+    anew = one._fitted_anew()
+    assert [s for _, s in asked.wanted] == [lost, damping, *parameters[:2]]
+    assert [s for _, s, _ in anew] == [lost, None, None, None]  # the score of what was likely counts
