@@ -73,8 +73,9 @@ def edges(there: Marginal, bounds: tuple[Array, Array], bent: bool) -> Edges:
     precision = np.linalg.inv(covariance[np.ix_(on, on)])
     follow = covariance[:, on] @ precision  # how all move with each that is on its bound, the others on theirs
     held = covariance - follow @ covariance[on]
-    std = np.sqrt(np.diag(held))
-    std[on] = 1.0 / np.sqrt(np.diag(precision))
+    variance = np.diag(held).copy()  # nothing but rounding of those that are on their bounds
+    variance[on] = 1.0 / np.diag(precision)
+    std = np.sqrt(variance)
     ways = held / np.where(on, 1.0, std)
     ways[:, on] = follow * std[on]
     p = s.solved.decisions[s.transcription.nlp.trajectory_size :][there.moving]
