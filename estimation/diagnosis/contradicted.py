@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from backsight.models import SolveError
 from backsight.models.errors import InputError
 
@@ -30,14 +32,14 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
     for finding in sorted(minor(search.named), key=lambda f: f.gain):
         if proof.left <= 0:
             break
-        k = [f.explanation for f in search.named].index(finding.explanation)
-        without = search.without(k, least=SHARE * proof.left)
-        if without is None:
-            continue
+        k = next(n for n, f in enumerate(search.named) if f is finding)
         try:
+            without = search.without(k, least=SHARE * proof.left)
+            if without is None:
+                continue
             other = proof.predictor(case((without.problem, without.result)), f"the model without {finding.explanation.words}", whole)
             held_out = proof.compared(other, whole)
-        except (SolveError, InputError):
+        except (SolveError, InputError, ArithmeticError, np.linalg.LinAlgError):
             continue
         if held_out.refuting:
             said.append(_words(finding, held_out))
@@ -59,4 +61,5 @@ def minor(findings: list[Finding]) -> list[Finding]:
 def _words(finding: Finding, held_out: HeldOut) -> str:
     told = f" ({p})" if (p := probability(1.0 - held_out.p_value)) else ""
     found = f"{finding.explanation.words.capitalize()} was found, {finding.gain:.3g} nats, and is not in the repaired model"
-    return f"{found}: prediction errors of what was held out are {-held_out.improvement_percent:.3g} % larger with it{told}."
+    worse = f"prediction errors of what was held out are {-held_out.improvement_percent:.3g} % larger with it{told}"
+    return f"{found}: {worse}. So what was held out has had its say on the repair."

@@ -25,6 +25,7 @@ from .waves import fine_periods
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 LEAST, MOST, TERMS, PARTS = 0.1, 0.5, 3, 10
+ROWS = 4000  # or twice as many, of more
 SHIFTS = 12  # of the motion against the force, the whole record round
 KNOWN = 2.0  # times the usual deviation of the force: where it is less certain it tells nothing
 SLOW = 0.05  # of the rms velocity: slower is no direction
@@ -41,6 +42,7 @@ class Function:
     columns: Array
     of_input: bool = False
     of_time: bool = False
+    steady: bool = False
     along: tuple[Array, float, str] | None = None
 
     @classmethod
@@ -61,7 +63,10 @@ def described(result: Smoothing, place: str) -> str:
         return ""
     stds = np.concatenate([m.std for m in rows])
     force, told = np.concatenate([m.force for m in rows]), stds <= KNOWN * np.nanmedian(stds)
-    told &= np.isfinite(force)
+    told = np.flatnonzero(told & np.isfinite(force))
+    told = told[:: max(len(told) // ROWS, 1)]
+    if len(told) < PARTS:
+        return ""
     common = set.intersection(*(set(m.against) for m in rows))
     units = {name: rows[0].against[name][1] for name in rows[0].against if name in common}
     motion = {name: np.concatenate([m.against[name][0] for m in rows])[told] for name in units}
@@ -70,7 +75,7 @@ def described(result: Smoothing, place: str) -> str:
     looks = list(functions(force[told], motion, units))
     inside = [[look for look in looks if look.of_input is side] for side in (False, True)]
     said = [_said(explained(force[told], some)) for some in inside]
-    return "; by inputs alone, ".join(part for part in said if part)
+    return "; ".join(part for part in (said[0], said[1] and f"by inputs alone, {said[1]}") if part)
 
 
 def _said(parts: Sequence[tuple[str, float]]) -> str:
@@ -84,7 +89,7 @@ def explained(force: Array, looks: Sequence[Function]) -> list[tuple[str, float]
     while looks and len(found) < TERMS:
         shares = [foretold(force, np.hstack([taken, look.columns])) for look in looks]
         best = int(np.argmax(shares))
-        chance = MOST if looks[best].of_time else max(LEAST, _by_chance(force, taken, looks) - so_far)
+        chance = MOST if looks[best].of_time else LEAST if looks[best].steady else max(LEAST, _by_chance(force, taken, looks) - so_far)
         if not shares[best] - so_far > chance:
             break
         look = _tuned(force, taken, looks[best])
@@ -97,7 +102,7 @@ def explained(force: Array, looks: Sequence[Function]) -> list[tuple[str, float]
 def _by_chance(force: Array, taken: Array, looks: Sequence[Function]) -> float:
     """The most that any of the looks foretells when it is shifted in time."""
     shifts = np.linspace(0, len(force), SHIFTS + 2)[1:-1].astype(int).tolist()
-    some = [look.columns for look in looks if not look.of_time]
+    some = [look.columns for look in looks if not (look.of_time or look.steady)]
     return max((foretold(force, np.hstack([taken, np.roll(C, shift, axis=0)])) for C in some for shift in shifts), default=0.0)
 
 
@@ -131,7 +136,7 @@ def foretold(force: Array, columns: Array) -> float:
 
 def functions(force: Array, motion: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[Function]:
     """What a force (n,) may go with, of what moves: "velocity", "position", "time" or an input -> values (n,)."""
-    yield Function("a constant", np.ones((len(force), 1)))
+    yield Function("a constant", np.ones((len(force), 1)), steady=True)
     for name, x in motion.items():
         size = float(np.sqrt(np.mean(x**2)))
         if not np.ptp(x) > 0:

@@ -105,7 +105,7 @@ def diagnose(
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out = None
-    if search.findings and search.model is not problem.model:
+    if search.named:
         say("proof on what was held out")
         proof = Proof(
             recordings=[r for r in recordings if r.role == "held_out"],

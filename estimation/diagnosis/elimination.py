@@ -37,8 +37,10 @@ class Bare:
         for c in candidates:
             try:
                 problem, model = posed(problem, model, c, _own(c, values))
-            except ModelError:
+            except (ModelError, KeyError):  # a parameter of what is not there
                 return None
+            own = {name: now.parameters[name] for name in (*c.later, *c.rounded) if name in now.parameters}
+            problem = replace(problem, parameters={**problem.parameters, **own})
         return problem, model
 
 

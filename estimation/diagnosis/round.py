@@ -135,15 +135,15 @@ class Round:
         self.fitted = _gained([*self.fitted, *self.fits.candidates(self.base, wanted)], now)
 
     def _alone(self, fits: list[Judged], now: Worth) -> list[Judged]:
-        """Further fits, with what they gain over the model as it is, whatever others there are."""
-        fits = _gained(fits, now)
+        """Further fits, best first, with what they gain over the model as it is, whatever others there are."""
+        fits = sorted(_gained(fits, now), key=lambda f: (-f[2].gain, f[0].rank))
         self.fitted = [*self.fitted, *fits]
         return fits
 
     def _fitted_anew(self) -> list[Judged]:
         """Fits from the guesses of what may be wrong inside of what no output shows, and of what is likely there and did not come to rest.
 
-        What the former are worth no score tells.
+        What the former are worth no score tells; damping, which has no guess, begins at its score's.
         """
         problem, model = self.base.problem, self.base.model
         unseen = hidden(problem)
@@ -151,7 +151,8 @@ class Round:
         inside = (unseen | around) - ({place.name for place in problem.dae.places} - unseen)
         lost = [s for c, s, f in self.fitted if s is not None and c.place in inside and not np.isfinite(f.gain)]
         others = [s for s in inside_unseen(self.found, inside) if s not in lost]
-        fits = self.fits.candidates(self._as_guessed, [(s.candidate, s) for s in (*lost, *others)], anew=True)
+        wanted = [*((s.candidate, s) for s in lost), *((s.candidate, s if s.candidate.physics == "damping" else None) for s in others)]
+        fits = self.fits.candidates(self._as_guessed, wanted, anew=True)
         return [(c, s if s in lost else None, f) for c, s, f in fits]
 
     @property

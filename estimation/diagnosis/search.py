@@ -198,8 +198,8 @@ class Search:
         posed = self.bare.having([*self.accepted[:k], *self.accepted[k + 1 :]], self.problem, self.result)
         if posed is None:
             return None
-        problem = settled(posed[0], self.result)
-        found = self.fits.again(self._base, problem, f"without {self.accepted[k].title}", least=least)
+        problem, c = settled(posed[0], self.result), self.accepted[k]
+        found = self.fits.again(self._base, problem, f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}", least=least)
         return None if found is None else replace(self._base, problem=problem, model=posed[1], result=found)
 
     def take_out(self, k: int, rest: Base) -> None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 EVERYWHERE = "whole record"  # the regime of what acts wherever the machine moves
+FEWEST = 3  # blocks that can refute a repair
 REFUTED = 0.1  # chance that windows are predicted as much worse, or worse still, by a model that is as good
 
 Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
@@ -140,7 +141,7 @@ class HeldOut:
     @property
     def refuting(self) -> bool:
         """Whether the repaired model predicts worse, beyond what chance would do."""
-        return self.improvement_percent < 0 and self.p_value > 1.0 - REFUTED
+        return self.improvement_percent < 0 and self.blocks >= FEWEST and self.p_value > 1.0 - REFUTED
 
 
 @dataclass(frozen=True, kw_only=True)

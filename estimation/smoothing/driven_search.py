@@ -85,6 +85,7 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
 
     if not own:
         return ended(np.empty(0), _ways(seen, 1.0))
+    nearer: Array | None = None
     best, kept, rng = scale.coordinates(start[own]), np.empty((0, len(own))), np.random.default_rng(0)
     fresh = qmc.LatinHypercube(len(own), rng=rng)
     low, high = scale.bounds
@@ -109,7 +110,7 @@ def searched(problem: Problem, driven: Driven, followed: Followed, start: Array,
             around[others] = nearer[others]
         kept = done.population[np.argsort(done.population_energies)[: len(done.population) // 2]]
         say(f"{doing}: {done.fun:.4g} left over after {done.nfev} tries")
-    return ended(best, ways)
+    return nearer
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -55,7 +55,13 @@ def test_of_two_functions_the_larger_comes_first_with_its_own_share():
     assert more == pytest.approx(1.125 / 5.125, abs=0.04)
 
 
-@pytest.mark.parametrize(("memory", "most"), [(1.0, 0), (20.0, 3), (100.0, 3)])
+def test_a_constant_is_told_and_hides_nothing():
+    m = moved()
+    force = 3.0 + 2.0 * np.sign(m["velocity"]) + 0.2 * np.random.default_rng(2).standard_normal(N)
+    assert [words for words, _ in told(force, m)] == ["a constant", "the direction of the velocity"]
+
+
+@pytest.mark.parametrize(("memory", "most"), [(1.0, 0), (20.0, 3), (100.0, 5)])
 def test_noise_goes_with_nothing(memory, most):
     """A shift of twelve is beaten by chance once in thirteen: of twenty so many at most."""
     wrong = sum(bool(told(coloured(seed, memory), moved(seed))) for seed in range(20))

@@ -8,7 +8,7 @@ from math import inf, nan
 
 from concealed_axis import posed, run
 
-from backsight.estimation import smooth
+from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.fits import Fits
@@ -79,3 +79,16 @@ def test_what_a_later_one_needs_cannot_go():
     on_it = replace(spring, edits=(replace(spring.edits[0], place="cubic_spring_carriage.flange_b"),))
     assert Bare(problem=problem, model=problem.model).having([on_it], problem, result) is None
     assert Bare(problem=problem, model=problem.model).having([], problem, result) == (problem, problem.model)
+
+
+def test_what_came_free_with_one_that_stays_stays_free():
+    """A play's damping is free once the play was kept; without the spring beside it, it still is."""
+    problem = posed(run(0.1))
+    result, spring, friction = smooth(problem), law("cubic_spring"), law("coulomb_friction")
+    width = "coulomb_friction_carriage.width"
+    later = replace(friction, later={width: (0.01, 1e-4, 0.1)})
+    both, _ = having(*having(problem, problem.model, spring, {}), later, {})
+    now = replace(both, parameters={**both.parameters, width: Free(0.02, min=1e-4, max=0.1)})
+    kept = Bare(problem=problem, model=problem.model).having([later], now, result)
+    assert kept is not None
+    assert kept[0].parameters[width] == Free(0.02, min=1e-4, max=0.1)

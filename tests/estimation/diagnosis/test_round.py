@@ -108,5 +108,6 @@ def test_inside_of_what_no_output_shows_damping_and_parameters_are_fitted_anew_a
     )
     one.fitted = [(s.candidate, s, Fitted(candidate=s.candidate, gain=gain)) for s, gain in ((lost, -inf), (fitted, 5.0), (seen, -inf))]
     anew = one._fitted_anew()
-    assert [s for _, s in asked.wanted] == [lost, damping, *parameters[:2]]
+    assert [c for c, _ in asked.wanted] == [s.candidate for s in (lost, damping, *parameters[:2])]
+    assert [s for _, s in asked.wanted] == [lost, damping, None, None]  # parameters begin at what was given
     assert [s for _, s, _ in anew] == [lost, None, None, None]  # the score of what was likely counts
