@@ -187,6 +187,10 @@ def fitted(
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
+        if anew and not result.solver.converged and result.solution is not None:
+            result = smoothing(
+                settled(weighed, result), settings=settings, begin=Begun.of(result.solution, now)
+            )  # on from where it was left
         if there is not None and (widths := _other_widths(now, result)):
             result = smoothing(settled(weighed, result), settings=replace(settings, widths=widths), begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
