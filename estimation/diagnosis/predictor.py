@@ -16,15 +16,14 @@ from backsight.ocp import Options, Solution
 from backsight.ocp.follow import Followed
 from backsight.ocp.linear import linearise
 
-from ..problem import Free, Problem
+from ..problem import Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.begun import Begun
-from ..smoothing.prediction import noise, of_one_more
+from ..smoothing.prediction import as_found, noise
 from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, left_alone
 from ..smoothing.smoother import smoothing
-from ..supposed import noisy_inputs
 from .windows import Starts, ahead
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -56,16 +55,7 @@ class Predictor:
         for r in recordings:
             stds = {name: noise(problem, result, r, name) for name in r.outputs}
             seen.append(replace(r, role="fit", output_std=stds))
-        varying = of_one_more(problem, result)
-        parameters: dict[str, Free | float] = {p.name: varying.get(p.name, result.value(p.name)) for p in problem.dae.parameters}
-        fixed = Problem(
-            model=problem.dae,
-            recordings=seen,
-            parameters=parameters,
-            weights=replace(result.weights, V=noisy_inputs(problem)),
-            initial={name: k for name, k in problem.start.items() if k.always},
-            bounds=problem.bounds,
-        )
+        fixed = as_found(problem, result, seen, {name: k for name, k in problem.start.items() if k.always})
         smoothed = _smoothed(fixed, begin, end)
         if smoothed.solution is None or not smoothed.solver.converged:
             raise SolveError(f"what was held out could not be smoothed: {smoothed.solver.status.rstrip('.')}")

@@ -180,9 +180,10 @@ class Round:
         _, title, there = max(idle, key=lambda one: one[0], default=(0.0, "", None))
         if there is None:
             return None
-        self.fits.say(f"the model as it is, from where {title} came to rest")
+        what = f"the model as it is, from where {title} came to rest"
+        self.fits.say(what)
         problem, weigh = settled(self.base.problem, there), self.base.settings.weigh
-        again = self.fits.again(replace(self.base, result=there), problem, f"the model as it is, from where {title} came to rest")
+        again = self.fits.again(replace(self.base, result=there), problem, what)
         if again is None or not worth_of(problem, again, weighed=weigh).over(now) > CLEAR:
             return None
         return replace(self.base, problem=problem, result=again)

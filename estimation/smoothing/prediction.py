@@ -31,7 +31,7 @@ from backsight.models.errors import OutOfTime
 from backsight.ocp import Status
 from backsight.ocp.linear import linearise
 
-from ..problem import Free, Problem
+from ..problem import Free, Known, Problem
 from ..recordings.drive import run as run_under_inputs
 from ..recordings.recording import Recording
 from ..results import Prediction, Smoothing
@@ -190,16 +190,7 @@ def _states(
                 part=part,
             )
         )
-    varying = of_one_more(problem, result)
-    parameters: dict[str, Free | float] = {p.name: varying.get(p.name, result.value(p.name)) for p in problem.dae.parameters}
-    fixed = Problem(
-        model=problem.dae,
-        recordings=pieces,
-        parameters=parameters,
-        weights=replace(result.weights, V=noisy_inputs(problem)),
-        initial=problem.initial,
-        bounds=problem.bounds,
-    )
+    fixed = as_found(problem, result, pieces, problem.initial)
     together = _found(smooth, fixed)
     if together is not None and together.solver.converged:
         smoothed = dict.fromkeys((piece.name for piece in pieces), together)
@@ -213,7 +204,7 @@ def _states(
     own = {
         k: {
             name: float(table[name].iloc[-1]) if free.drift is not None else smoothed[k].parameters[case_name(name, k)].value
-            for name, free in varying.items()
+            for name, free in problem.varying.items()
         }
         for k, table in tables.items()
     }
@@ -241,6 +232,20 @@ def noise(problem: Problem, result: Smoothing, recording: Recording, output: str
     """Its deviation in a recording: as the problem gives it, else as the fitted recordings told it; None where none has that output."""
     given = problem.weights.noise(output, recording)
     return given if given is not None else result.weights.V.get(output)
+
+
+def as_found(problem: Problem, result: Smoothing, recordings: Sequence[Recording], initial: Mapping[str, float | Known]) -> Problem:
+    """The model with the parameters, W and V of a fit, on other recordings; what varies is one more of the values that were found."""
+    varying = of_one_more(problem, result)
+    parameters: dict[str, Free | float] = {p.name: varying.get(p.name, result.value(p.name)) for p in problem.dae.parameters}
+    return Problem(
+        model=problem.dae,
+        recordings=recordings,
+        parameters=parameters,
+        weights=replace(result.weights, V=noisy_inputs(problem)),
+        initial=initial,
+        bounds=problem.bounds,
+    )
 
 
 def of_one_more(problem: Problem, result: Smoothing) -> dict[str, Free]:
