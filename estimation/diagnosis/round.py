@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..problem import Free
+from ..results import Smoothing
 from .candidates import Candidate
 from .choice import (
     CLEAR,
@@ -31,7 +32,7 @@ from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
 from .refit import hidden, settled, worth_of
-from .refusals import Beside, borne_out
+from .refusals import SIMPLE, Beside, borne_out
 from .score import Linearised
 from .screen import Screen, Screened, screen
 from .shares import FLOOR, Sizes
@@ -129,6 +130,25 @@ class Round:
         self._fit([(s.candidate, s) for s in worth], now)
         more = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
         self._fit([(s.candidate, s) for s in more], now)
+        for c, there in self._plainer_than_fitted():
+            self.fitted = _gained([*self.fitted, *self.fits.candidates(replace(self.base, result=there), [(c, None)])], now)
+
+    def _plainer_than_fitted(self) -> list[tuple[Candidate, Smoothing]]:
+        """Laws of a level alone where a richer law has no end, or its peak at rest is not told, with that one's fit, where theirs begins.
+
+        From where the base came to rest a body that sticks where no output shows it may lead their own fits astray.
+        """
+        found = list[tuple[Candidate, Smoothing]]()
+        for c, _, f in self.fitted:
+            if c.larger is None or (there := f.whole) is None or (np.isfinite(f.gain) and sound(c, f)):
+                continue
+            level = c.larger[1]
+            plain = next((o for o in self.candidates if o.place == c.place and o.physics == SIMPLE.get(level.rpartition(".")[2])), None)
+            gained = max((other.gain for o, _, other in self.fitted if plain is not None and o.key == plain.key), default=-np.inf)
+            if plain is not None and not (np.isfinite(gained) and gained >= f.gain):
+                (strength,) = plain.strengths
+                found.append((replace(plain, start={**plain.start, strength: (there.parameters[level].value, 0.0, np.inf)}), there))
+        return found
 
     def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
         """Fits of candidates, held against those that there are."""

@@ -8,17 +8,19 @@ from dataclasses import replace
 from math import inf
 
 import numpy as np
+import pytest
 from concealed_axis import posed, run
 from examples import soft_drive
 from screened import screened
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights
 from backsight.estimation.diagnosis.chance import Chance
+from backsight.estimation.diagnosis.choice import sound
 from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.fits import Base, Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.refit import QUICKLY, Fitted, worth_of
-from backsight.estimation.diagnosis.round import Round
+from backsight.estimation.diagnosis.round import Round, _gained
 from backsight.estimation.diagnosis.screen import Screen, Screened
 from backsight.estimation.smoothing.smoother import smoothing
 
@@ -55,6 +57,24 @@ def test_a_model_that_came_to_rest_stays():
     friction = next(s for s in scored.found.found if s.candidate.physics == "coulomb_friction")
     scored._fit([(friction.candidate, friction)], now)
     assert scored._from_a_fit(now, []) is None
+
+
+def test_a_plain_law_is_fitted_from_where_a_richer_one_came_to_rest_whose_peak_is_not_told():
+    problem = posed(run(2.0, 2e-3, f_c=2.0))
+    result = smoothing(problem, settings=QUICKLY)
+    scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
+    stribeck, coulomb = (next(c for c in scored.candidates if c.physics == f"{law}_friction") for law in ("stribeck", "coulomb"))
+    scored._fit([(stribeck, next(s for s in scored.found.found if s.candidate.key == stribeck.key))], now)
+    (rich,) = scored.fitted
+    assert not (sound(*rich[::2]) and np.isfinite(rich[2].gain))
+    ((plain, there),) = scored._plainer_than_fitted()
+    assert plain.key == coulomb.key
+    ((c, s, f),) = _gained(scored.fits.candidates(replace(scored.base, result=there), [(plain, None)]), now)
+    assert sound(c, f)
+    assert f.gain > 1000
+    assert f.result.parameters[c.strengths[0]].value == pytest.approx(2.0, rel=0.02)
+    scored.fitted.append((c, s, f))
+    assert scored._plainer_than_fitted() == []  # it came there by itself
 
 
 def test_fits_anew_begin_at_the_guesses_that_were_given():
