@@ -14,7 +14,7 @@ from ..results import Smoothing
 from .candidates import Candidate
 from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
-from .refit import HOLDING, Fitted
+from .refit import Fitted, holds
 from .screen import SURE, Screen, Screened
 from .shares import FLOOR, Sizes
 from .verdict import Explanation, Strength
@@ -113,8 +113,18 @@ def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:
 
 def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:
     """Friction that may hold a body of which no output tells: a model without it has no such phases, and so no score of them."""
-    there = [s for s in found.found if s.candidate.place in unseen and s.candidate.physics in HOLDING]
+    there = [s for s in found.found if holds(s.candidate, unseen)]
     return [s for s in there if s.candidate.key not in {o.candidate.key for o in worth}]
+
+
+def plainest_first(worth: Sequence[Screened], unheld: Collection[str]) -> tuple[list[Screened], list[Screened]]:
+    """What is fitted first, and what only at bodies for which no fit of the first came to rest.
+
+    Where friction may hold a body that no output shows, its plainest law is the first: from where that one came to rest a further round
+    tells what a richer one, or one that sets in, would have more.
+    """
+    rich = {id(s) for s in worth if holds(s.candidate, unheld) and (s.candidate.larger is not None or s.candidate.onset is not None)}
+    return [s for s in worth if id(s) not in rich], [s for s in worth if id(s) in rich]
 
 
 def inside_unseen(found: Screen, inside: Collection[str]) -> list[Screened]:

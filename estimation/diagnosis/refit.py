@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -174,7 +174,7 @@ def fitted(
     """
     try:
         now, edited = posed(problem, model, candidate, start)
-        anew |= candidate.physics in HOLDING and candidate.place in hidden(now) - strengths_at_rest(begin).keys()
+        anew |= holds(candidate, hidden(now) - strengths_at_rest(begin).keys())
         there = None if anew else Begun.of(begin, now)
         weighed = now if settings.weigh else with_weights_of(begin, now)
         if candidate.dear:
@@ -188,9 +188,7 @@ def fitted(
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
         if anew and not result.solver.converged and result.solution is not None:
-            result = smoothing(
-                settled(weighed, result), settings=settings, begin=Begun.of(result.solution, now)
-            )  # on from where it was left
+            result = smoothing(settled(weighed, result), settings=settings, begin=result.solution)  # on from where it was left
         if there is not None and (widths := _other_widths(now, result)):
             result = smoothing(settled(weighed, result), settings=replace(settings, widths=widths), begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -230,6 +228,11 @@ def fitted_there(
 @lru_cache(maxsize=1)
 def _shared(blob: bytes) -> Any:
     return pickle.loads(blob)
+
+
+def holds(c: Candidate, bodies: Collection[str]) -> bool:
+    """Whether it may hold one of these bodies at rest."""
+    return c.place in bodies and c.physics in HOLDING
 
 
 def hidden(problem: Problem) -> set[str]:

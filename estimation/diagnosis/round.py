@@ -17,6 +17,7 @@ from .choice import (
     explaining,
     held_unseen,
     inside_unseen,
+    plainest_first,
     simplest,
     sound,
     steady,
@@ -31,7 +32,7 @@ from .library import library
 from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
-from .refit import hidden, settled, worth_of
+from .refit import hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -124,12 +125,15 @@ class Round:
     def _fit_the_likely(self, now: Worth) -> None:
         """Fits of what the scores make likely, and of what they may not tell of."""
         worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes)]
+        unheld = hidden(self.base.problem) - {name for name, place in self.base.result.residual_places.items() if place.rest_share}
         if worth:
-            rests = {name for name, place in self.base.result.residual_places.items() if place.rest_share}
-            worth += held_unseen(self.found, worth, hidden(self.base.problem) - rests)
-        self._fit([(s.candidate, s) for s in worth], now)
-        more = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
-        self._fit([(s.candidate, s) for s in more], now)
+            worth += held_unseen(self.found, worth, unheld)
+        first, rich = plainest_first(worth, unheld)
+        self._fit([(s.candidate, s) for s in first], now)
+        held = {c.place for c, _, f in self.fitted if holds(c, unheld) and np.isfinite(f.gain)}
+        self._fit([(s.candidate, s) for s in rich if s.candidate.place not in held], now)
+        richer = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
+        self._fit([(s.candidate, s) for s in richer], now)
         for c, there in self._plainer_than_fitted():
             self.fitted = _gained([*self.fitted, *self.fits.candidates(replace(self.base, result=there), [(c, None)])], now)
 

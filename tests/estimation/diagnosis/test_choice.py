@@ -13,7 +13,7 @@ from concealed_axis import posed, run
 from screened import screened
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal
+from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal, Since
 from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
@@ -26,6 +26,7 @@ from backsight.estimation.diagnosis.choice import (
     held_unseen,
     idle,
     matters,
+    plainest_first,
     simpler_there,
     simplest,
     sound,
@@ -288,3 +289,20 @@ def test_a_law_replaces_another_of_which_it_leaves_nothing():
     assert stribeck.replaces(coulomb)
     assert not level.replaces(stribeck)
     assert not level.replaces(Candidate(place="axis", family="inertia", physics="added_mass"))
+
+
+def test_the_plainest_law_that_may_hold_a_body_is_fitted_before_richer_ones():
+    """No output shows the load; what slides where one does is scored as it is."""
+    plain, drag, elsewhere = (
+        screened("load", "coulomb_friction", 9.0),
+        screened("load", "drag", 9.0),
+        screened("motor", "stribeck_friction", 9.0),
+    )
+    peaked, later = screened("load", "stribeck_friction", 9.0, 2), screened("load", "coulomb_friction", 9.0)
+    elsewhere, peaked = (with_candidate(s, larger=("f_s", "f_c")) for s in (elsewhere, peaked))
+    later = with_candidate(later, edits=(Since(time=1.0, before=()),))
+    assert plainest_first([peaked, plain, later, drag, elsewhere], {"load"}) == ([plain, drag, elsewhere], [peaked, later])
+
+
+def with_candidate(s: Screened, **changes: object) -> Screened:
+    return replace(s, look=replace(s.look, candidate=replace(s.look.candidate, **changes)))

@@ -11,20 +11,21 @@ from concealed_axis import posed, run
 
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Conditions
-from backsight.estimation import Free, Problem, Recording, Weights, smooth
+from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.diagnosis import refit
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.channels import of_input, of_sensor
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import QUICKLY, Fitted, begun, evidence, fitted, settled
+from backsight.estimation.diagnosis.refit import HELD, QUICKLY, Fitted, begun, evidence, fitted, settled
 from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screened
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.plants import actuator
+from backsight.ocp import Options
 
 MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
 
@@ -112,6 +113,24 @@ def test_a_fit_finds_what_was_concealed(lacking, name):
     away = pickle.loads(pickle.dumps(found))
     assert away.whole.solution is not None
     assert away.whole.parameters[f"{name}_carriage.f_c"].value == f_c.value
+
+
+def test_a_fit_from_the_guesses_goes_on_where_its_limit_of_iterations_left_it(lacking, monkeypatch):
+    problem, result = lacking
+    c, begins = law("coulomb_friction"), []
+
+    def spied(posed: Problem, **how: object) -> Smoothing:
+        begins.append((how["begin"], found := smoothing(posed, **how)))
+        return found
+
+    monkeypatch.setattr(refit, "smoothing", spied)
+    short = replace(HELD, options=Options(tolerance=1e-6, gauss_newton_iterations=2, max_iterations=2))
+    fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}), short, anew=True)
+    (none, first), (left, second) = begins
+    assert none is None
+    assert not first.solver.converged
+    assert left is first.solution
+    assert second.solution.solved.cost < first.solution.solved.cost
 
 
 def test_a_coupling_is_fitted_on_a_mesh_as_fine_as_the_models_own(lacking):
