@@ -1,10 +1,9 @@
 """A candidate as a full problem: the edited model with its parameters free beside those of the base model, smoothed anew.
 
 Weights that the base problem leaves open are chosen again, so what the candidate explains leaves the residual forces. It starts where the
-base model arrived (`smoothing/begun.py`), but for friction that may hold a body of which no output tells: a model without it never holds
-that body, and no small steps lead from there to one that sticks. Such a fit is started as that of any study. On a body that no output
-shows no candidate has more of a residual force than the model without it, which it holds: where weights have several ends, that of large
-forces would explain for it, or against it.
+base model arrived (`smoothing/begun.py`), or as any study from the guesses (`anew`), and then goes on where its limit of iterations left
+it. On a body that no output shows no candidate has more of a residual force than the model without it, which it holds: where weights have
+several ends, that of large forces would explain for it, or against it.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from ..results import Smoothing
 from ..smoothing.begun import Begun, followed_by, force_stds
 from ..smoothing.horizons import sampling_interval
 from ..smoothing.program import Settings
-from ..smoothing.rest import other_widths, strengths_at_rest
+from ..smoothing.rest import other_widths
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
@@ -40,6 +39,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
+ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it
 HOLDING = ("coulomb_friction", "stribeck_friction")
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
@@ -174,7 +174,6 @@ def fitted(
     """
     try:
         now, edited = posed(problem, model, candidate, start)
-        anew |= holds(candidate, hidden(now) - strengths_at_rest(begin).keys())
         there = None if anew else Begun.of(begin, now)
         weighed = now if settings.weigh else with_weights_of(begin, now)
         if candidate.dear:
@@ -187,8 +186,10 @@ def fitted(
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
-        if anew and not result.solver.converged and result.solution is not None:
-            result = smoothing(settled(weighed, result), settings=settings, begin=result.solution)  # on from where it was left
+        for _ in range(ONWARD if anew else 0):
+            if result.solver.converged or result.solution is None:
+                break
+            result = smoothing(settled(weighed, result), settings=settings, begin=result.solution)
         if there is not None and (widths := _other_widths(now, result)):
             result = smoothing(settled(weighed, result), settings=replace(settings, widths=widths), begin=there)
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:

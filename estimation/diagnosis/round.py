@@ -125,12 +125,11 @@ class Round:
     def _fit_the_likely(self, now: Worth) -> None:
         """Fits of what the scores make likely, and of what they may not tell of."""
         worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes)]
-        unheld = hidden(self.base.problem) - {name for name, place in self.base.result.residual_places.items() if place.rest_share}
         if worth:
-            worth += held_unseen(self.found, worth, unheld)
-        first, rich = plainest_first(worth, unheld)
+            worth += held_unseen(self.found, worth, self._unheld)
+        first, rich = plainest_first(worth, self._unheld)
         self._fit([(s.candidate, s) for s in first], now)
-        held = {c.place for c, _, f in self.fitted if holds(c, unheld) and np.isfinite(f.gain)}
+        held = {c.place for c, _, f in self.fitted if holds(c, self._unheld) and np.isfinite(f.gain)}
         self._fit([(s.candidate, s) for s in rich if s.candidate.place not in held], now)
         richer = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
         self._fit([(s.candidate, s) for s in richer], now)
@@ -156,7 +155,23 @@ class Round:
 
     def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
         """Fits of candidates, held against those that there are."""
-        self.fitted = _gained([*self.fitted, *self.fits.candidates(self.base, wanted)], now)
+        self.fitted = _gained([*self.fitted, *self._judged(wanted)], now)
+
+    def _judged(self, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
+        """Fits of candidates from where the base came to rest; of what may hold a body that no output shows, from the guesses.
+
+        A model without friction never holds that body: no small steps lead from there to one that sticks, and neither strengths by their
+        scores nor parameters that came to rest without it are anything to start from.
+        """
+        holding = [(c, s) for c, s in wanted if holds(c, self._unheld)]
+        others = [(c, s) for c, s in wanted if not holds(c, self._unheld)]
+        anew = self.fits.candidates(self._as_guessed, [(c, None) for c, _ in holding], anew=True)
+        return [*self.fits.candidates(self.base, others), *((c, s, f) for (_, s), (c, _, f) in zip(holding, anew, strict=True))]
+
+    @property
+    def _unheld(self) -> set[str]:
+        """Bodies that no output shows, and that nothing in the model holds at rest."""
+        return hidden(self.base.problem) - {name for name, place in self.base.result.residual_places.items() if place.rest_share}
 
     def _alone(self, fits: list[Judged], now: Worth) -> list[Judged]:
         """Further fits, best first, with what they gain over the model as it is, whatever others there are."""
@@ -230,7 +245,7 @@ class Round:
             if gained < CLEAR or since is None:
                 return best
             look = replace(s.look, candidate=since)
-            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths))])
+            (again_fitted,) = self._judged([(since, replace(s, look=look, estimate=strengths))])
             c, s, f_again = again_fitted
             more = f_again.worth.over(f.worth)
             if more < 0 or not sound(since, f_again):

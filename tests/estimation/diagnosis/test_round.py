@@ -131,3 +131,25 @@ def test_inside_of_what_no_output_shows_damping_and_parameters_are_fitted_anew_a
     assert [c for c, _ in asked.wanted] == [s.candidate for s in (lost, damping, *parameters[:2])]
     assert [s for _, s in asked.wanted] == [lost, damping, None, None]  # parameters begin at what was given
     assert [s for _, s, _ in anew] == [lost, None, None, None]  # the score of what was likely counts
+
+
+def test_what_may_hold_an_unseen_body_is_fitted_from_the_guesses_and_all_else_from_where_the_base_came_to_rest(monkeypatch):
+    problem = posed(run(0.2, 2e-3))
+    scored = begun(problem, smoothing(problem, settings=QUICKLY))
+    asked = list[tuple[Base, list, bool]]()
+
+    class Noted:
+        def candidates(self, base, wanted, *, anew=False):
+            asked.append((base, [(c.key, s is None) for c, s in wanted], anew))
+            return [(c, s, Fitted(candidate=c)) for c, s in wanted]
+
+    scored.fits = Noted()
+    monkeypatch.setattr("backsight.estimation.diagnosis.round.hidden", lambda _: {"load"})
+    friction, drag, seen = (screened(*one, 9.0) for one in (("load", "coulomb_friction"), ("load", "drag"), ("motor", "coulomb_friction")))
+    fits = scored._judged([(s.candidate, s) for s in (friction, drag, seen)])
+    (guesses, held, anew), (base, others, rest) = asked
+    assert (held, anew) == ([(friction.candidate.key, True)], True)
+    assert guesses.problem.parameters == problem.parameters
+    assert (others, rest) == ([(drag.candidate.key, False), (seen.candidate.key, False)], False)
+    assert base is scored.base
+    assert {id(s) for _, s, _ in fits} == {id(friction), id(drag), id(seen)}  # each keeps its score
