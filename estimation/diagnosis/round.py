@@ -161,12 +161,11 @@ class Round:
         """Fits of candidates from where the base came to rest; of what may hold a body that no output shows, from the guesses.
 
         A model without friction never holds that body: no small steps lead from there to one that sticks, and neither strengths by their
-        scores nor parameters that came to rest without it are anything to start from.
+        scores nor parameters that came to rest without it are anything to start from. Nor does a score tell what such a fit is worth.
         """
-        holding = [(c, s) for c, s in wanted if holds(c, self._unheld)]
+        holding = [(c, None) for c, _ in wanted if holds(c, self._unheld)]
         others = [(c, s) for c, s in wanted if not holds(c, self._unheld)]
-        anew = self.fits.candidates(self._as_guessed, [(c, None) for c, _ in holding], anew=True)
-        return [*self.fits.candidates(self.base, others), *((c, s, f) for (_, s), (c, _, f) in zip(holding, anew, strict=True))]
+        return [*self.fits.candidates(self.base, others), *self.fits.candidates(self._as_guessed, holding, anew=True)]
 
     @property
     def _unheld(self) -> set[str]:
@@ -245,7 +244,7 @@ class Round:
             if gained < CLEAR or since is None:
                 return best
             look = replace(s.look, candidate=since)
-            (again_fitted,) = self._judged([(since, replace(s, look=look, estimate=strengths))])
+            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths))])
             c, s, f_again = again_fitted
             more = f_again.worth.over(f.worth)
             if more < 0 or not sound(since, f_again):
