@@ -39,7 +39,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
-ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it
+ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it, at most
 HOLDING = ("coulomb_friction", "stribeck_friction")
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
@@ -186,16 +186,26 @@ def fitted(
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
-        for _ in range(ONWARD if anew else 0):
-            if result.solver.converged or result.solution is None:
-                break
-            result = smoothing(settled(weighed, result), settings=settings, begin=result.solution)
+        if anew:
+            result = _gone_on(weighed, result, settings, ONWARD)
         if there is not None and (widths := _other_widths(now, result)):
-            result = smoothing(settled(weighed, result), settings=replace(settings, widths=widths), begin=there)
+            wider = replace(settings, widths=widths)
+            again = smoothing(settled(weighed, result), settings=wider, begin=there)
+            again = _gone_on(weighed, again, wider, 1)
+            result = again if again.solver.converged else result
     except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=True)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
+
+
+def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int) -> Smoothing:
+    """A smoothing that goes on where its limit of iterations left it, until it comes to rest, so many times at most."""
+    for _ in range(times):
+        if result.solver.converged or result.solution is None:
+            break
+        result = smoothing(settled(problem, result), settings=settings, begin=result.solution)
+    return result
 
 
 def _other_widths(problem: Problem, result: Smoothing) -> dict[str, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from backsight.estimation.diagnosis.score import Columns
 from backsight.estimation.diagnosis.screen import Screened
 from backsight.estimation.diagnosis.supermodel import Look
 from backsight.estimation.smoothing.begun import Begun
+from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.plants import actuator
 from backsight.ocp import Options
@@ -131,6 +133,26 @@ def test_a_fit_from_the_guesses_goes_on_where_its_limit_of_iterations_left_it(la
     assert not first.solver.converged
     assert left is first.solution
     assert second.solution.solved.cost < first.solution.solved.cost
+
+
+def test_a_fit_with_the_widths_that_it_asked_for_counts_only_where_it_comes_to_rest(lacking, monkeypatch):
+    problem, result = lacking
+    c, widths = law("coulomb_friction"), {"coulomb_friction_carriage.width": 1e-3}
+    fit = partial(fitted, settled(problem, result), problem.model, result.solution, c, begun(c, None, {}))
+    plain = fit()
+    assert plain.result.solver.converged
+    monkeypatch.setattr(refit, "_other_widths", lambda *_: widths)
+    other = fit()
+    assert other.result.parameters["coulomb_friction_carriage.width"].value == 1e-3
+    assert plain.result.parameters["coulomb_friction_carriage.width"].value != pytest.approx(1e-3)
+
+    def stopped(posed: Problem, *, settings: Settings, **how: object) -> Smoothing:
+        found = smoothing(posed, settings=settings, **how)
+        return replace(found, solver=replace(found.solver, converged=False)) if settings.widths else found
+
+    monkeypatch.setattr(refit, "smoothing", stopped)
+    kept = fit()
+    assert kept.worth.nats == plain.worth.nats
 
 
 def test_a_coupling_is_fitted_on_a_mesh_as_fine_as_the_models_own(lacking):
