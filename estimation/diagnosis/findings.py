@@ -76,7 +76,12 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
 
 
 def fitted_strengths(c: Candidate, result: Smoothing) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """What a fit made of a candidate's strengths, less what they are without it; of one with a phase those of its sine and cosine."""
+    """What a fit made of a candidate's strengths, less what they are without it; of one with a phase those of its sine and cosine.
+
+    What is looked at as a signal is there as a whole: one.
+    """
+    if c.signals:
+        return np.ones(1)
     strengths = np.array([result.parameters[n].value - c.neutral(n) for n in c.strengths])
     if c.quadrature:
         phase = result.parameters[c.quadrature].value

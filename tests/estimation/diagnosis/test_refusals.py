@@ -132,6 +132,15 @@ def test_a_law_that_hardly_differs_from_that_which_is_at_work_refines_nothing(wi
     assert refining(c, s, fit, without, sizes, found) is False
 
 
+def test_friction_that_yields_over_a_short_way_is_weighed_as_a_whole_beside_that_which_is_at_work(with_friction):
+    """It is looked at as a signal: no strength tells how much of it there is. A longer way differs from sliding friction by more."""
+    result, sizes, found, candidates = with_friction
+    c = next(c for c in candidates if c.physics == "presliding_friction")
+    fit, (few, many) = Fitted(candidate=c, result=result), (found.shapes[id(c)][k] for k in (0, -1))
+    assert refining(c, few, fit, result, sizes, found)
+    assert not refining(c, many, fit, result, sizes, found)
+
+
 def test_what_others_can_do_of_a_force_is_none_of_its_own(with_friction):
     """Of a Coulomb friction of 20 N beside one of 1 N nothing stays; beside nothing it is its rms over that of the forces there."""
     _, sizes, found, candidates = with_friction
