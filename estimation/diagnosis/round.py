@@ -113,7 +113,7 @@ class Round:
             good = self._borne_out(self._alone(fits, replace(now, nats=now.nats + without)))
         if moving and (nearer := self._from_a_fit(now, good)) is not None:
             return nearer
-        if not good and hinted:
+        if not good and hinted and not self.accepted:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
         if not good:
             return None
@@ -181,7 +181,8 @@ class Round:
     def _fitted_anew(self) -> list[Judged]:
         """Fits from the guesses of what may be wrong inside of what no output shows, and of what is likely there and did not come to rest.
 
-        What the former are worth no score tells; damping, which has no guess, begins at its score's.
+        What the former are worth no score tells; damping, which has no guess, begins at its score's. Of a model in which something was
+        found already this is not asked: its parameters came to rest with that.
         """
         problem, model = self.base.problem, self.base.model
         unseen = hidden(problem)
