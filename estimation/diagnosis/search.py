@@ -330,8 +330,12 @@ class Search:
 
     @property
     def faint(self) -> bool:
-        """Whether no finding is so sure that other recordings could not take it back."""
-        return not any(f.p_value < FAINT for f in self.findings)
+        """Whether no finding is so sure that other recordings could not take it back.
+
+        Beside a force without a name none is: chances suppose that nothing else was left out.
+        """
+        nameless = any(f.explanation.physics == UNKNOWN for f in self.findings)
+        return nameless or not any(f.p_value < FAINT for f in self.findings)
 
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""
