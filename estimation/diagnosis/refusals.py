@@ -10,6 +10,7 @@ import numpy as np
 from backsight.models import Model
 
 from ..results import Smoothing
+from ..smoothing.rest import rounded_signs, strengths_at_rest
 from .candidates import Candidate
 from .choice import SIGNALS, clear, sound
 from .findings import Judged, explained, fitted_strengths
@@ -20,6 +21,7 @@ from .verdict import Finding, Tried
 
 DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less mends its model
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
+VISCOUS = ("d", "d_plus", "d_minus")
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
 
@@ -49,6 +51,8 @@ def why_not(c: Candidate, s: Screened | None, f: Fitted, beside: Beside) -> str:
         return "a detail of the coupling that was found: no model of one is exact"
     if refining(c, s, f, before, sizes, beside.found):
         return "hardly other than the law that the model has"
+    if creeping(c, f):
+        return "only how a rounded sign creeps at rest"
     if trifling(c, f, beside.accepted, before, sizes):
         return "one more law of a kind of which there are two, and it hardly helps"
     if misleading(c, f, sizes):
@@ -125,6 +129,19 @@ def refining(c: Candidate, s: Screened | None, f: Fitted, before: Smoothing, siz
     every = (shapes[0].look for shapes in found.shapes.values())
     simple = [look for look in every if look.candidate.place == c.place and look.candidate.physics in working]
     return bool(simple) and sizes.net(s.look, fitted_strengths(c, f.result), simple) < FLOOR / 2
+
+
+def creeping(c: Candidate, f: Fitted) -> bool:
+    """Whether it is viscous friction steeper than the rounded sign that holds the body: more than the level of that over its width.
+
+    A body that moves so slowly rests; friction of a direction in which it never turns would be found so.
+    """
+    if c.family != "friction" or f.result is None or f.worth.solution is None:
+        return False
+    level = strengths_at_rest(f.worth.solution).get(c.place, 0.0)
+    width = max(rounded_signs(f.worth.solution).get(c.place, {}).values(), default=np.inf)
+    viscous = [path for word, path in c.named.items() if word in VISCOUS and path in f.result.parameters]
+    return level > 0 and any(f.result.parameters[path].value * width > level for path in viscous)
 
 
 def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> bool:

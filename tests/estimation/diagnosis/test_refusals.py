@@ -14,7 +14,7 @@ from backsight.estimation import Free, Smoothing, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Signal, Since
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.refusals import Beside, misleading, refining, slight, stands_in, trifling, why_not
+from backsight.estimation.diagnosis.refusals import Beside, creeping, misleading, refining, slight, stands_in, trifling, why_not
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import FLOOR, Sizes
@@ -130,6 +130,16 @@ def test_a_law_that_hardly_differs_from_that_which_is_at_work_refines_nothing(wi
     assert refining(c, s, fit, result, sizes, found) is is_it
     without = SimpleNamespace(parameters={**result.parameters, "friction.f_c": SimpleNamespace(value=0.0)})
     assert refining(c, s, fit, without, sizes, found) is False
+
+
+@pytest.mark.parametrize(("d_minus", "is_it"), [(230.0, False), (1e5, True)])
+def test_viscous_friction_steeper_than_the_rounded_sign_is_how_that_creeps(with_friction, d_minus, is_it):
+    """20 N over about 1 % of the velocity are 2e4 N s/m."""
+    result, _, _, candidates = with_friction
+    c = next(c for c in candidates if "d_minus" in c.named)
+    told = {name: SimpleNamespace(value=value) for name, value in zip(c.strengths, (190.0, d_minus), strict=True)}
+    worth = Worth(nats=0.0, solution=result.solution)
+    assert creeping(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told), worth=worth)) is is_it
 
 
 def test_friction_that_yields_over_a_short_way_is_weighed_as_a_whole_beside_that_which_is_at_work(with_friction):
