@@ -17,7 +17,7 @@ from .constrained import descend_on_constraints, supported
 from .feasible import start_on_constraints
 from .gauss_newton import FINE, descend
 from .nlp import Nlp, Values
-from .oracle import Oracle
+from .oracle import Oracle, no_check
 from .polynomials import Array
 
 
@@ -165,13 +165,15 @@ class Solver:
         newton: bool = True,
         last_word: bool = True,
         progress: Callable[[str], None] | None = None,
+        check: Callable[[], None] = no_check,
     ) -> Solved:
         """Gauss-Newton steps first; the exact Hessian takes over where they do not arrive.
 
         Both look for the same stationary point. Plain steps (`gauss_newton.py`, `constrained.py`) need nothing built and cost a fraction
         of Ipopt's, which ends what they began where the tolerance is fine, and goes on with exact second derivatives where they do not
         arrive. start, lower, upper (n + np,): decisions in the units of the model. newton=False: a solve on the way, Gauss-Newton steps
-        only. last_word=False: Ipopt does not end what plain steps have found, and is asked where they do not arrive.
+        only. last_word=False: Ipopt does not end what plain steps have found, and is asked where they do not arrive. check: called whenever
+        Ipopt asks for something; what it raises ends the solve, and is raised again.
         """
         began, decisions = time.perf_counter(), start
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
@@ -189,7 +191,7 @@ class Solver:
             else:
                 near = near if near is None or near.status is not Status.NUMERICS else None
                 lam = multipliers if near is None else near.multipliers
-                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, lam, near)
+                answer = self._by_ipopt(self._newton if exact else self._gauss_newton, here, lower, upper, lam, near, check)
             iterations, status = iterations + answer.iterations, answer.status
             if np.all(np.isfinite(answer.decisions)):
                 decisions, cost, multipliers = answer.decisions, answer.cost, answer.multipliers
@@ -221,7 +223,16 @@ class Solver:
             by_steps=by_steps,
         )
 
-    def ended(self, solved: Solved, values: Values, *, lower: Array, upper: Array, progress: Callable[[str], None] | None = None) -> Solved:
+    def ended(
+        self,
+        solved: Solved,
+        values: Values,
+        *,
+        lower: Array,
+        upper: Array,
+        progress: Callable[[str], None] | None = None,
+        check: Callable[[], None] = no_check,
+    ) -> Solved:
         """What plain steps have found, with the last word from Ipopt; with exact second derivatives where it does not agree.
 
         What is on a bound stays there: an interior point would be next to it, and had a deviation. Where Ipopt arrives nowhere, or at what
@@ -232,7 +243,7 @@ class Solver:
         lower, upper = lower.copy(), upper.copy()
         lower[held] = upper[held] = solved.decisions[held]
         for exact in (False, True):
-            found = self._by_ipopt(self._newton if exact else self._last_word, values, lower, upper, solved.multipliers, solved)
+            found = self._by_ipopt(self._newton if exact else self._last_word, values, lower, upper, solved.multipliers, solved, check)
             if progress is not None:
                 progress(f"Ipopt: cost {found.cost:.6g} after {found.iterations} iterations")
             if found.status is Status.INTERRUPTED:
@@ -267,10 +278,12 @@ class Solver:
             return not last_word or self.options.tolerance > FINE
         return self.nlp.constraint_count > 0
 
-    def _by_ipopt(self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None) -> Solved:
+    def _by_ipopt(
+        self, solver: Any, here: Values, lower: Array, upper: Array, multipliers: Array, near: Solved | None, check: Callable[[], None]
+    ) -> Solved:
         """near: where plain steps arrived, which cost a fraction of Ipopt's."""
         low, high = here.scaled(lower), here.scaled(upper)
-        with self._oracle.answering(here):
+        with self._oracle.answering(here, check):
             answer = solver(
                 x0=start_on_constraints(self.nlp, here, low, high) if near is None else here.scaled(near.decisions),
                 lbx=low,

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 Index = NDArray[np.int64]
 
 
+def no_check() -> None:
+    """Nothing ends a solve before its time."""
+
+
 class Oracle:
     """The functions of one program, with the numbers that it has at the time.
 
@@ -37,14 +41,18 @@ class Oracle:
         self._nlp = nlp
         self.interrupted = False
         self.failed: BaseException | None = None
+        self.check: Callable[[], None] = no_check
         self._values: Values | None = None
         self._kept: list[Any] = []
         self._last: tuple[Array, list[Linearised]] | None = None
 
     @contextmanager
-    def answering(self, values: Values) -> Iterator[None]:
-        """With these numbers, while a solver asks. CasADi would take a signal for an evaluation that failed: it is kept by a handler."""
-        self._values, self._last, self.interrupted, self.failed = values, None, False, None
+    def answering(self, values: Values, check: Callable[[], None] = no_check) -> Iterator[None]:
+        """With these numbers, while a solver asks. CasADi would take a signal for an evaluation that failed: it is kept by a handler.
+
+        check: called before every evaluation; what it raises is an error in that.
+        """
+        self._values, self._last, self.interrupted, self.failed, self.check = values, None, False, None, check
         before = signal.getsignal(signal.SIGINT) if threading.current_thread() is threading.main_thread() else None
         catches = before is not None and before is signal.default_int_handler
         if catches:
@@ -173,6 +181,7 @@ class _Called(ca.Callback):
         try:
             if self._oracle.interrupted or self._oracle.failed is not None:
                 return 1
+            self._oracle.check()
             given = [np.frombuffer(a, dtype=np.float64) if len(a) else np.empty(0) for a in arg]
             for out, found in zip(res, self._numbers(*given), strict=True):
                 if out is not None and len(out):

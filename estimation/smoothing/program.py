@@ -24,6 +24,7 @@ from .initial_guess import start_decisions
 from .meshing import FINEST
 from .rest import FrictionLaw, open_at_rest, with_room
 from .robust import Losses, RobustSolution, solve_robustly
+from .until import checked
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -151,7 +152,7 @@ class Program:
 
     def _squares(self, decisions: Array, values: Values, newton: bool, say: Callable[[str], None], last_word: bool) -> Solution:
         values, bounds = scaled(self.solver, decisions, values), {"lower": self.lower, "upper": self.upper}
-        solved = self.solver.solve(decisions, values, **bounds, newton=newton, last_word=last_word, progress=say)
+        solved = self.solver.solve(decisions, values, **bounds, newton=newton, last_word=last_word, progress=say, check=checked(say))
         if solved.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         here = self.transcription.nlp.about(values, solved.decisions)
@@ -167,7 +168,7 @@ def ended(problem: Problem, solution: Solution, say: Callable[[str], None]) -> S
     if not (fine and solution.solved.by_steps and solution.solved.status.converged and Losses.of(problem) is None):
         return solution
     lower, upper = decision_bounds(problem, solution.transcription)
-    solved = solution.solver.ended(solution.solved, solution.values, lower=lower, upper=upper, progress=say)
+    solved = solution.solver.ended(solution.solved, solution.values, lower=lower, upper=upper, progress=say, check=checked(say))
     if solved.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     return replace(solution, values=solution.transcription.nlp.about(solution.values, solved.decisions), solved=solved)

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from backsight.models.errors import InputError, OutOfTime, SolveError
+from backsight.models.errors import InputError, SolveError
 from backsight.ocp import Options, Solution
 
 from ..arguments import check_kind
@@ -33,6 +33,7 @@ from .program import Settings
 from .rest import friction_laws, smoothing_widths
 from .start import from_samples, from_solution
 from .unseen import moving_unseen, unseen_states
+from .until import Until
 from .variances import LEAST_NOISE
 from .work import ROUGH, Work, to_the_end
 
@@ -86,7 +87,7 @@ def smoothing(
     settings, say = settings or Settings(), progress or (lambda _: None)
     if settings.seconds < math.inf:
         settings = replace(settings, options=replace(settings.options, seconds=min(settings.options.seconds, settings.seconds)))
-        say = _until(time.monotonic() + settings.seconds, say)
+        say = Until(time.monotonic() + settings.seconds, say)
 
     first = Begun.at(begin) if isinstance(begin, Solution) else begin
 
@@ -112,17 +113,6 @@ def _of_heads(settings: Settings) -> Settings:
 
 def _rougher(options: Options) -> Options:
     return replace(options, tolerance=max(options.tolerance, ROUGH.tolerance))
-
-
-def _until(end: float, say: Callable[[str], None]) -> Callable[[str], None]:
-    """`say`, which comes at every step of the way and raises OutOfTime from then on."""
-
-    def said(line: str) -> None:
-        if time.monotonic() > end:
-            raise OutOfTime("Stopped at its limit of time.")
-        say(line)
-
-    return said
 
 
 def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Callable[[str], None]) -> Smoothing:

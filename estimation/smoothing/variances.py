@@ -32,6 +32,7 @@ LEAST_NOISE = 0.3  # of an output's noise where its differences show it: less is
 UNTOLD = 0.1  # of a row: what a family always has of freedom and of squares, so that one that nothing tells about stays as it is
 UNDECIDED = 0.3  # of the deviation of a log-likelihood's slope: a residual force's std that is nearer to its best cannot be told from it
 BOLDEST = 4.0  # times the fixed point's own step, at most
+RAN_AWAY = 1e3  # times the first cost, or the number of rows, that squares cost with weights that have no end
 STALLED = 0.1  # of the cost, a log-likelihood: a round of steps that saves less is half a deviation from its end, and squares do not notice
 CREEPING = 0.02  # share of the cost: nor do they notice less than that, and with much room for forces some ways have no end
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
@@ -75,7 +76,8 @@ def choose_weights(
     tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody gave of one output is
     one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower; most_std: place -> above
     which it goes no higher; least_noise (H, ny): the least factors on the outputs' first standard deviations. hasty: weights move on from
-    where a solve stopped at its limit of iterations, far from its end or not. Raises SolveError where the first solve, at the weights
+    where a solve stopped at its limit of iterations, far from its end or not. Where weights run away, so that squares cost ever more, those
+    of the start are taken again, and have not settled. Raises SolveError where the first solve, at the weights
     given, leaves a cost above `hopeless`.
     """
     dae = transcription.dae
@@ -90,11 +92,16 @@ def choose_weights(
     for i in np.flatnonzero(is_open.any(axis=0)).tolist():
         least = float(np.log(max(least_noise[is_open[:, i], i].max(), 1e-300)))
         families.append(Family("samples", i, least, _samples_of(transcription, is_open[:, i])))
-    iterations, rounds, settled, cost = 0, 0, not families, np.inf
+    iterations, rounds, settled, cost, begun = 0, 0, not families, np.inf, start
+    usual = float(sum(term.target.size for term in transcription.nlp.terms))
     for rounds in range(1, ROUNDS + 1) if families else ():
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
+        usual = max(usual, cost) if rounds == 1 else usual
+        if cost > RAN_AWAY * usual:
+            start, force_factor, output_factor = begun, np.ones_like(force_factor), np.ones_like(output_factor)
+            break
         if rounds == 1 and cost > hopeless:
             raise SolveError(
                 f"Given up: at the weights that it began with its cost is {cost:.4g}, and more than {hopeless:.4g} is hopeless."

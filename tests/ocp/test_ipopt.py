@@ -207,6 +207,26 @@ def test_an_interrupt_inside_a_function_that_ipopt_calls_ends_the_solve_and_the_
     assert again.iterations > 3
 
 
+def test_a_check_ends_a_solve_at_an_evaluation_and_what_it_raised_is_raised():
+    """Ipopt's own limit of time is one of every call, and asked between iterations."""
+    h = random_horizon(DAE, 0, intervals=20)
+    prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))
+    t = transcribe(DAE, [h], free=number(DAE, "mass.m"), prior=prior, force_std={0: 2.0})
+    solver, x = Solver(t.nlp, Options()), np.full(t.nlp.size, 0.1)
+    x[-1] = 1.0
+    wide, calls = np.full(t.nlp.size, np.inf), list[int]()
+
+    def check() -> None:
+        calls.append(len(calls))
+        if len(calls) > 3:
+            raise TimeoutError("late")
+
+    with pytest.raises(TimeoutError, match="late"):
+        solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide, check=check)
+    assert len(calls) == 4
+    assert solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide).status.converged
+
+
 def test_a_signal_while_ipopt_works_interrupts_the_solve_wherever_it_comes():
     h = random_horizon(DAE, 0, intervals=400)
     prior = ParameterPrior(mean=np.array([2.0]), std=np.array([1.0]))

@@ -14,6 +14,7 @@ from scipy.linalg import expm
 
 from backsight.estimation import Free, Known, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.smoothing.smoother import Settings
+from backsight.estimation.smoothing.until import Until
 from backsight.models.errors import InputError, OutOfTime
 from backsight.models.mechanics.translational import ConstantForce
 from backsight.models.plants import actuator
@@ -444,6 +445,20 @@ def test_the_recorded_axis_gives_its_published_parameters():
 def test_a_smoothing_that_may_take_no_time_says_so():
     with pytest.raises(OutOfTime, match="limit of time"):
         fit([operate(3)], settings=Settings(seconds=0.0))
+
+
+def test_a_limit_of_time_is_kept_in_the_midst_of_a_solve(monkeypatch):
+    """Lines of progress come between solves alone: here the clock runs out at the third evaluation of Ipopt."""
+    late = iter([False, False, True])
+    monkeypatch.setattr(Until, "__call__", lambda self, line: self.say(line))
+    monkeypatch.setattr(Until, "check", lambda _: raised() if next(late) else None)
+
+    def raised() -> None:
+        raise OutOfTime("Stopped at its limit of time.")
+
+    with pytest.raises(OutOfTime, match="limit of time"):
+        fit([operate(3)], settings=Settings(seconds=1e3))
+    assert next(late, None) is None
 
 
 def test_without_weighing_forces_keep_the_share_of_the_start_and_with_it_they_are_as_the_data_say():

@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
 from backsight.estimation.recordings.noise import noise
+from backsight.estimation.smoothing import work
 from backsight.estimation.smoothing.program import Settings
 from backsight.models import Dae
 from backsight.models.mechanics.translational import Force, Spring
@@ -197,3 +198,25 @@ def test_the_answer_to_an_input_that_steps_at_every_sample_is_no_noise(given):
     assert s.fit["run"]["v"].prediction_rms == pytest.approx(1.0, abs=4 / np.sqrt(2 * n))
     assert not [note for note in s.notes if "samples have noise" in note]
     assert abs(s.parameters["mass.m"].value - M) < 4 * s.parameters["mass.m"].std
+
+
+def test_weights_that_run_away_are_those_of_the_start_again(monkeypatch):
+    """Of a model without an answer squares grow from round to round; here those of the second one are said to."""
+    told, choose = [], work.choose_weights
+
+    def kept(solve, *given, **named):
+        solved = []
+
+        def dear(*asked):
+            solved.append(found := solve(*asked))
+            return replace(found, solved=replace(found.solved, cost=1e9)) if len(solved) == 2 else found
+
+        told.append(choose(dear, *given, **named))
+        return told[-1]
+
+    monkeypatch.setattr(work, "choose_weights", kept)
+    fitted(0, 0.3, "V")
+    first = told[0]
+    assert (first.rounds, first.settled) == (2, False)
+    assert np.all(first.output_factor == 1.0)
+    assert first.solution.solved.status.converged
