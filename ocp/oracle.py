@@ -62,7 +62,7 @@ class Oracle:
         finally:
             if catches:
                 signal.signal(signal.SIGINT, before)
-            self._last = self._values = None
+            self._last, self._values, self.check = None, None, no_check
         if self.failed is not None:
             raise self.failed
 

@@ -133,8 +133,8 @@ class Round:
         self._fit([(s.candidate, s) for s in rich if s.candidate.place not in held], now)
         richer = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
         self._fit([(s.candidate, s) for s in richer], now)
-        for c, there in self._plainer_than_fitted():
-            self.fitted = _gained([*self.fitted, *self.fits.candidates(replace(self.base, result=there), [(c, None)])], now)
+        plain = [self.fits.candidates(replace(self.base, result=there), [(c, None)]) for c, there in self._plainer_than_fitted()]
+        self.fitted = _gained([*self.fitted, *(fit for fits in plain for fit in fits)], now)
 
     def _plainer_than_fitted(self) -> list[tuple[Candidate, Smoothing]]:
         """Laws of a level alone where a richer law has no end, or its peak at rest is not told, with that one's fit, where theirs begins.
@@ -147,8 +147,10 @@ class Round:
                 continue
             level = c.larger[1]
             plain = next((o for o in self.candidates if o.place == c.place and o.physics == SIMPLE.get(level.rpartition(".")[2])), None)
-            gained = max((other.gain for o, _, other in self.fitted if plain is not None and o.key == plain.key), default=-np.inf)
-            if plain is not None and not (np.isfinite(gained) and gained >= f.gain):
+            if plain is None:
+                continue
+            gained = max((other.gain for o, _, other in self.fitted if o.key == plain.key), default=-np.inf)
+            if not np.isfinite(gained) or gained < f.gain:
                 (strength,) = plain.strengths
                 found.append((replace(plain, start={**plain.start, strength: (there.parameters[level].value, 0.0, np.inf)}), there))
         return found

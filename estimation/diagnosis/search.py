@@ -334,8 +334,7 @@ class Search:
 
         Beside a force without a name none is: chances suppose that nothing else was left out.
         """
-        nameless = any(f.explanation.physics == UNKNOWN for f in self.findings)
-        return nameless or not any(f.p_value < FAINT for f in self.findings)
+        return len(self.named) < len(self.findings) or not any(f.p_value < FAINT for f in self.findings)
 
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""

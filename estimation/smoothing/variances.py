@@ -77,8 +77,8 @@ def choose_weights(
     one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower; most_std: place -> above
     which it goes no higher; least_noise (H, ny): the least factors on the outputs' first standard deviations. hasty: weights move on from
     where a solve stopped at its limit of iterations, far from its end or not. Where weights run away, so that squares cost ever more, those
-    of the start are taken again, and have not settled. Raises SolveError where the first solve, at the weights
-    given, leaves a cost above `hopeless`.
+    of the start are taken again, and have not settled. Raises SolveError where the first solve, at the weights given, leaves a cost above
+    `hopeless`.
     """
     dae = transcription.dae
     is_open = np.array([[q.name in names for q in dae.outputs] for names in outputs]).reshape(len(outputs), len(dae.outputs))

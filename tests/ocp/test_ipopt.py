@@ -224,6 +224,8 @@ def test_a_check_ends_a_solve_at_an_evaluation_and_what_it_raised_is_raised():
     with pytest.raises(TimeoutError, match="late"):
         solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide, check=check)
     assert len(calls) == 4
+    solver._oracle.check()  # it is gone with its solve: what is asked later is not late
+    assert len(calls) == 4
     assert solver.solve(x, t.nlp.values(PARAMETERS), lower=-wide, upper=wide).status.converged
 
 
