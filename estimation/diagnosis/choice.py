@@ -20,6 +20,7 @@ from .shares import FLOOR, Sizes
 from .verdict import Explanation, Strength
 
 T = TypeVar("T")
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 CLEAR = 6.0  # nats of evidence that an effect has to bring
 DOUBTS = 2.0  # deviations of that evidence that it has to be, where no score tells what it is worth
@@ -35,6 +36,7 @@ COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
+WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however little of the forces that is
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
 SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
@@ -83,8 +85,12 @@ def _balance(s: Screened, sizes: Sizes) -> str:
 
 
 def _likely(s: Screened, found: Screen, sizes: Sizes) -> bool:
-    """Whether its gain is unlikely by chance, its strength possible, and its effect large enough to matter."""
-    return found.chance.of(s.gain) <= SURE and not beyond(s) and matters(s, sizes)
+    """Whether its gain is unlikely by chance, its strength possible, and its effect large enough to matter.
+
+    A parameter that is wrong matters however little of the forces that is; beside noise of that size its gain is what that leaves of it.
+    """
+    gain = s.gain if matters(s, sizes) else s.worth if amiss(s.candidate, s.estimate) else 0.0
+    return found.chance.of(gain) <= SURE and not beyond(s)
 
 
 def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]]) -> list[Screened]:
@@ -174,6 +180,13 @@ def matters(s: Screened, sizes: Sizes) -> bool:
     if s.candidate.family == "sensor":
         return not s.candidate.of_reading or float(np.abs(s.estimate).max()) > FLOOR
     return max(sizes.shares(s.look, s.estimate).values(), default=0.0) > FLOOR / 2
+
+
+def amiss(c: Candidate, change: Sequence[float] | Array) -> bool:
+    """Whether it is a parameter of the machine that is wrong by a share of what it was taken for. change (n,): of its strengths."""
+    if c.family != "parameter":
+        return False
+    return any(abs(a) > WRONG * abs(c.neutral(name)) for name, a in zip(c.strengths, change, strict=True))
 
 
 def sound(c: Candidate, f: Fitted) -> bool:

@@ -12,7 +12,7 @@ from backsight.models import Model
 from ..results import Smoothing
 from ..smoothing.rest import rounded_signs, strengths_at_rest
 from .candidates import Candidate
-from .choice import SIGNALS, clear, sound
+from .choice import SIGNALS, amiss, clear, sound
 from .findings import Judged, explained, fitted_strengths
 from .refit import Fitted
 from .screen import Screen, Screened
@@ -90,7 +90,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
     """Whether its fit made it so small that its force is less than half of the floor, or, of what sets in, the floor, at every place.
 
     Play by what its coupling bears differently, k gap/2: less than that mends what a mesh of one interval a sample cannot follow. Others
-    by what they were at their score: an effect goes with its one strength, and a dead zone's with its width.
+    by what they were at their score: an effect goes with its one strength, and a dead zone's with its width. A parameter that is wrong by
+    a share that matters is never slight.
     """
     if f.result is None:
         return False
@@ -102,6 +103,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
     if s is None or (alone := _alone(c, s)) is None:
         return False
     path, there = alone
+    if amiss(c, [f.result.parameters[path].value - c.neutral(path)]):
+        return False
     share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
     least = FLOOR if c.onset is not None else FLOOR / 2
     return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < least * abs(there)

@@ -275,6 +275,8 @@ class Search:
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
         (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
+        if not self.findings:
+            self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
         return True
 
     def _keep(self, scored: Round, best: Best) -> None:

@@ -26,7 +26,8 @@ from backsight.models.dae import Quantity
 from backsight.ocp import Solution
 from backsight.ocp.readout import read
 
-from .score import Columns, Linearised, Scores, transcribed_as
+from .enlarged import transcribed_as
+from .score import Columns, Linearised, Scores
 from .screen import HOLD_AT_REST, Screened, inverse_root, seen
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -91,9 +91,9 @@ def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:
 
 
 def _forces(problem: Problem, solution: Solution, *, varying: bool = False) -> dict[str, float]:
-    """Soft place -> rms force there."""
+    """Soft place -> rms force there, what cancels there left out."""
     t = solution.transcription
-    found = forces(problem.posed, followed_by(solution), solution.parameters, varying=varying)
+    found = forces(problem.posed, followed_by(solution), solution.parameters, varying=varying, net=True)
     return {t.dae.places[k].name: found.get(k, inf) for k in t.soft}
 
 

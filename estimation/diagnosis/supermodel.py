@@ -25,8 +25,9 @@ from ..problem import Problem
 from ..smoothing.along import along
 from ..smoothing.begun import followed_by
 from .candidates import Candidate, Signal
+from .enlarged import Enlarged
 from .offsets import with_those_of
-from .score import Columns, Enlarged, Linearised
+from .score import Columns, Linearised
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -14,7 +14,8 @@ from backsight.ocp.polynomials import Array
 from ..problem import Problem
 
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
-GEOMETRY = {"m", "rad", "1"}  # units of what says where a force acts, not how strong it is
+DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
+GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -28,13 +29,16 @@ def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Arr
     return np.asarray(values, dtype=np.float64)
 
 
-def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False, borne: bool = False) -> dict[int, float]:
+def forces(
+    problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False, borne: bool = False, net: bool = False
+) -> dict[int, float]:
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
-    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched.
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: of parameters no angles
+    and no numbers: the thrusts of four rotors, times how these are turned, leave next to nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -42,7 +46,7 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
         return {}
     rows = dae.balances_of(places)
     F = dae.undisturbed(dae.residual[rows])
-    acting = ca.vertcat(dae.dx, dae.z, dae.u, _not_geometry(dae, F) if borne else dae.p)
+    acting = ca.vertcat(dae.dx, dae.z, dae.u, _of_size(dae, F, borne, net))
     told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
     parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
     parts[told, acting.shape[0] :] = 0
@@ -57,11 +61,16 @@ def forces(problem: Problem, followed: Followed, parameters: Array, *, varying: 
     return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(places, size, strict=True)}
 
 
-def _not_geometry(dae: Dae, F: Any) -> Any:
-    """The parameters without the lengths and ratios that enter F times positions."""
+def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
+    """The parameters; borne: without the lengths and ratios that enter F times positions; net: without directions."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
-    arms = [q.unit in GEOMETRY and ca.depends_on(ca.jacobian(F, dae.p[i]), positions) for i, q in enumerate(dae.parameters)]
-    return ca.vertcat(*(dae.p[i] for i, arm in enumerate(arms) if not arm))
+
+    def geometric(i: int, unit: str) -> bool:
+        if net and unit in DIRECTIONS:
+            return True
+        return borne and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions))
+
+    return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 
 
 def rms(r: Array) -> Array:

@@ -17,6 +17,8 @@ from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild
 from backsight.estimation.diagnosis.chance import Chance
 from backsight.estimation.diagnosis.choice import (
     CLEAR,
+    WRONG,
+    amiss,
     beyond,
     chosen,
     clear,
@@ -139,6 +141,25 @@ def test_a_share_of_a_reading_below_the_floor_is_nothing_that_matters(physics, s
     s = replace(screened("sensor:x", physics, 20.0), estimate=np.array([share]))
     sizes = Sizes.__new__(Sizes)  # of sensors no force is asked
     assert matters(replace(s, look=replace(s.look, candidate=replace(s.candidate, family="sensor"))), sizes) is is_something
+
+
+def wrong(change: float, inflation: float = 1.0) -> Screened:
+    """A time constant of .06 that would be off by a share of that, with next to no force."""
+    s = screened("rotor", "wrong_parameter", 20.0)
+    c = replace(s.candidate, family="parameter", strengths=("rotor.tau",), start={"rotor.tau": (0.06, 0.0, 1.0)})
+    return replace(s, look=replace(s.look, candidate=c), estimate=np.array([0.06 * change]), inflation=inflation)
+
+
+@pytest.mark.parametrize(
+    ("change", "inflation", "is_fitted"),
+    [(-2.0 * WRONG, 1.0, True), (2.0 * WRONG, 1.0, True), (0.5 * WRONG, 1.0, False), (2.0 * WRONG, 100.0, False)],
+)
+def test_a_parameter_is_doubted_by_how_far_off_it_is_where_its_force_is_small(change, inflation, is_fitted):
+    """But for what noise of that size makes of its gain."""
+    s = wrong(change, inflation)
+    sizes = SimpleNamespace(names=["rotor"], shares=lambda *_: {"rotor": 0.004})
+    assert chosen(screen(s), sizes) == ([s] if is_fitted else [])
+    assert amiss(s.candidate, s.estimate.tolist()) is (abs(change) > WRONG)
 
 
 @pytest.mark.parametrize(("friction", "told"), [(0.0, False), (20.0, True)])

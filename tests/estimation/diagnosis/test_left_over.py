@@ -17,7 +17,7 @@ from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.lasting import lasting
 from backsight.estimation.diagnosis.left_over import NAMELESS, LeftOver
-from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.refit import HELD, QUICKLY
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.search import Search
 from backsight.estimation.diagnosis.shares import FLOOR
@@ -87,6 +87,17 @@ def test_a_force_that_lasts_and_is_small_is_a_note_at_most(slow: Search, share: 
     left_over(slow, True, monkeypatch, share)
     assert slow.findings == []
     assert len(slow.notes) == told
+
+
+@pytest.mark.parametrize("has_found", [False, True])
+def test_what_held_weights_left_over_is_explained_by_findings_alone(slow: Search, has_found: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weights from the data shift a force to where it acts: with nothing found all of it is still to be explained."""
+    there = Search(problem=slow.problem, model=slow.model, result=slow.result, fits=slow.fits, settings=HELD)
+    monkeypatch.setattr(Fits, "weighed", lambda *_: (slow.problem, slow.result))
+    there.findings, there.first_left = [found().findings[0]] * has_found, {"elsewhere": 0.05}
+    assert there._weighed()
+    assert there.settings.weigh
+    assert there.first_left == ({"elsewhere": 0.05} if has_found else {})
 
 
 def test_rows_of_forces_are_those_that_the_smoother_left(slow: Search) -> None:

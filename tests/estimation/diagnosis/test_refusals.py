@@ -80,6 +80,17 @@ def test_what_its_fit_leaves_hardly_anything_of_is_none(physics, value, is_nothi
     assert slight(c, s, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
 
 
+@pytest.mark.parametrize(
+    ("family", "value", "is_nothing"), [("parameter", 0.055, False), ("parameter", 0.0595, True), ("inertia", 0.055, True)]
+)
+def test_a_parameter_that_is_plainly_wrong_is_never_slight(family, value, is_nothing):
+    s = screened("rotor", "wrong_parameter", 50.0)
+    c = replace(s.candidate, family=family, strengths=("rotor.tau",), start={"rotor.tau": (0.06, 0.0, 1.0)})
+    sizes = SimpleNamespace(shares=lambda _, strength: {"rotor": 0.004 * float(np.abs(strength[0]))})
+    fit = Fitted(candidate=c, result=SimpleNamespace(parameters={"rotor.tau": SimpleNamespace(name="rotor.tau", value=value)}))
+    assert slight(c, replace(s, look=replace(s.look, candidate=c)), fit, sizes) is is_nothing
+
+
 @pytest.mark.parametrize(("value", "all_along", "since"), [(0.8, True, True), (1.2, False, True), (2.2, False, False)])
 def test_what_sets_in_has_to_be_as_large_as_the_floor_all_of_it(value, all_along, since):
     s = screened("carriage", "viscous_friction", 50.0)

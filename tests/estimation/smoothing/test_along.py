@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from examples import soft_drive
 
-from backsight.estimation import Problem, Recording
+from backsight.estimation import Problem, Recording, smooth
 from backsight.estimation.smoothing.along import along, forces
+from backsight.estimation.smoothing.begun import followed_by
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.models import Model
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, Torque
 from backsight.models.mechanics.translational import Mass, PositionSensor, SpringDamper
-from backsight.models.plants import actuator
+from backsight.models.plants import actuator, quadrotor
 
 A, OMEGA, M, D = 0.1, 2 * np.pi, 95.0, 200.0
 
@@ -93,3 +94,22 @@ def test_a_belt_behind_a_wheel_bears_what_it_is_stretched_and_not_its_stiffness_
     problem = Problem(model=model, recordings=[recording])
     sizes = forces(problem, follow_closely(problem, output_stds(problem)[0], None), problem.values, borne=True)
     assert list(sizes.values()) == pytest.approx([r * k * far / np.sqrt(2), k * far / np.sqrt(2)], rel=0.01)
+
+
+def test_net_forces_are_without_those_that_cancel():
+    """Four rotors carry 15 N, each at an arm of .3 m; what turns the body is what it is turned by, and nothing of these."""
+    t, swing = np.linspace(0.0, 1.0, 101), 0.1
+    still = np.zeros(len(t))
+    outputs = {"ax": still, "ay": still, "az": still - 9.81, "p": swing * np.sin(OMEGA * t), "q": still, "r": still}
+    inputs = {f"u_{k}": np.full(len(t), 0.7) for k in range(1, 5)}
+    recording = Recording(name="hover", time=t, inputs=inputs, outputs=outputs, output_std=dict.fromkeys(outputs, 1e-3))
+    problem = Problem(model=quadrotor(), recordings=[recording], parameters={"rotor.gain": float(np.sqrt(1.5 * 9.81 / 4) / 0.7)})
+    solution = smooth(problem).solution
+    assert solution is not None
+    p = solution.parameters
+    inertia = p[[q.name for q in problem.dae.parameters].index("body.Ixx")]
+    names = [problem.dae.places[k].name for k in solution.transcription.soft]
+    whole, net = (dict(zip(names, forces(problem.posed, followed_by(solution), p, net=net).values(), strict=True)) for net in (False, True))
+    assert net["body.tau_x"] == pytest.approx(inertia * swing * OMEGA / np.sqrt(2), rel=0.1)
+    assert whole["body.tau_x"] > 10 * net["body.tau_x"]
+    assert net["rotor_1"] > 1.0
