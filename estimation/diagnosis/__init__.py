@@ -1,7 +1,7 @@
 """What the model left out: where, when, what it is, and how sure that is.
 
 candidates.py, laws.py, channels.py, frames.py, library.py     what may be missing, at which place
-supermodel.py, enlarged.py, score.py, screen.py                   all of it looked at at once: gains, chances, what is alike
+supermodel.py, enlarged.py, score.py, screen.py                all of it looked at at once: gains, chances, what is alike
 refit.py, choice.py                                            a candidate as a full problem, and whether it is borne out
 worth.py                                                       how much more probable one model is than another
 search.py, findings.py, elimination.py, hold.py                round by round; what is said of it; what goes out again
