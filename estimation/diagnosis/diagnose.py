@@ -15,7 +15,6 @@ from pathlib import Path
 
 from backsight.models import Model
 from backsight.models.errors import InputError, SolveError
-from backsight.ocp import Options
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
@@ -33,7 +32,7 @@ from .keep import Keep
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
-from .refit import HELD, QUICKLY, comparable
+from .refit import HELD, PATIENT, QUICKLY, comparable
 from .search import Search
 from .sizes_known import with_sizes_known
 from .verdict import Diagnosis
@@ -41,9 +40,6 @@ from .words import CONTRADICTED, withdrawn
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
 SHORTER = 250.0  # s, of the same beside what held weights have left
-PATIENT = Options(
-    tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
-)  # a hundredth of a deviation is near enough, and friction is rough; what has not come to rest by then is left there
 OF_BASE, AT_LEAST = 0.6, 60.0  # of the search's time, that the model as it is may take; s, that each way to it has all the same
 SEARCH = 840.0  # s, from the beginning to the end of the search
 PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out

@@ -22,7 +22,7 @@ from .candidates import Candidate
 from .findings import Judged
 from .keep import Keep
 from .offsets import without_idle
-from .refit import QUICKLY, Fitted, begun, fitted_there, settled, with_weights_of
+from .refit import HELD, PATIENT, QUICKLY, Fitted, begun, fitted_there, settled, with_weights_of
 from .screen import Screened
 
 Progress = Callable[[str], None]
@@ -102,6 +102,21 @@ class Fits:
         except (SolveError, InputError):
             return None
         return found if found is not None and found.solver.converged else None
+
+    def anew(self, base: Base, problem: Problem) -> tuple[Problem, Smoothing] | None:
+        """A problem smoothed from its own guesses, at the base's weights or as these are: from the data. None where it does not arrive."""
+        if (solution := base.result.solution) is None:
+            return None
+        posed = problem if base.settings.weigh else with_weights_of(solution, problem)
+        settings = replace(HELD, options=PATIENT, supposed=base.settings.supposed, seconds=LONGEST * self.left)
+        name = self.kept.name(repr(("anew", list(base.changes), base.settings.weigh)), start=_found(base.result))
+        try:
+            found = self.kept.smoothed(name, partial(smoothing, posed, settings=settings, progress=self.say))
+        except (SolveError, InputError):
+            return None
+        if found is None or not found.solver.converged:
+            return None
+        return self.weighed(base, problem, found) if base.settings.weigh else (problem, found)
 
     def weighed(self, base: Base, problem: Problem, near: Smoothing) -> tuple[Problem, Smoothing] | None:
         """A problem smoothed with weights from the data, starting where another one of it came to rest; None where it does not."""

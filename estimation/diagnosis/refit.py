@@ -41,6 +41,9 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
 ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it, at most
 HOLDING = ("coulomb_friction", "stribeck_friction")
+PATIENT = Options(
+    tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
+)  # a hundredth of a deviation is near enough, and friction is rough; what has not come to rest by then is left there
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
 

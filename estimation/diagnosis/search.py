@@ -34,6 +34,7 @@ MOVES = 3  # times that the model as it is goes where a fit came to rest
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
+ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 
@@ -59,7 +60,7 @@ class Search:
 
     fits: where candidates are fitted, and until when; settings: of these; seed: of what is drawn. held: recordings whose inputs are held,
     as a study has them, where straight ones were better for the model as it is. compared: whether models could be. moved: how often
-    the model as it is went where a fit came to rest.
+    the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too.
     """
 
     problem: Problem
@@ -79,6 +80,7 @@ class Search:
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
     moved: int = field(default=0, init=False)
+    asked: Candidate | None = field(default=None, init=False)
     _first: Smoothing = field(init=False, repr=False)
     _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
@@ -100,6 +102,8 @@ class Search:
         self._as_fits_are()
         while more:
             scored = self._scored()
+            if self._better_from_the_guesses(scored):
+                scored = self._scored()
             more = self.fits.left > 0 and len(self.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
@@ -240,6 +244,24 @@ class Search:
         scored = Round.of(self._base, self.bare, self.accepted, brought, self.fits, self.seed)
         self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
         return scored
+
+    def _better_from_the_guesses(self, scored: Round) -> bool:
+        """Whether the model with what was found is better from the guesses of the study; then it is there.
+
+        Asked once beside what was found last, where a body that no output shows leaves much over. Where the model as it was, which was
+        wrong, came to rest that body's parameters may be anything, and no small steps lead back from there.
+        """
+        unseen = {name: left for name, left in scored.sizes.left.items() if name in hidden(self.problem)}
+        if not self.accepted or self.asked is self.accepted[-1] or max(unseen.values(), default=0.0) < ASTRAY or self.fits.left == 0:
+            return False
+        self.asked = self.accepted[-1]
+        posed = self.bare.having(self.accepted, self.problem, self.result)
+        self.fits.say("the model with what was found, from the guesses")
+        found = None if posed is None else self.fits.anew(self._base, posed[0])
+        if posed is None or found is None or not self._worth(*found).over(self.now) > CLEAR:
+            return False
+        (self.problem, self.result), self.model = found, posed[1]
+        return True
 
     def _went_on(self, scored: Round) -> bool:
         """Whether a round ends with something to keep, which is kept, or with a better rest of the model as it is.

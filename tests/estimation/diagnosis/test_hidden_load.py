@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +13,13 @@ from examples import soft_drive
 
 from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.diagnosis import diagnose
+from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.choice import CLEAR
 from backsight.estimation.diagnosis.diagnose import _base
+from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.refit import HELD, hidden
+from backsight.estimation.diagnosis.search import ASTRAY, Search
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
 
@@ -75,6 +82,33 @@ def test_the_model_as_it_is_is_the_first_way_that_comes_to_rest_where_a_load_is_
     found, fits = _base(problem, kept, lambda _: None)
     assert found.notes == (taken,)
     assert fits.weigh is (taken != HELD_NAME)
+
+
+def astray() -> Search:
+    """The motor's inertia was found to be wrong beside a load that came to rest fifty times too heavy."""
+    problem = posed(0.0)
+    wrong = Candidate(
+        place="motor", family="parameter", physics="wrong_parameter", strengths=("motor.J",), start={"motor.J": (1.3 * MOTOR, 0.0, np.inf)}
+    )
+    bare = replace(problem, parameters={**problem.parameters, "motor.J": 1.3 * MOTOR})
+    heavy = replace(problem, parameters={**problem.parameters, "load.J": 50 * LOAD, "motor.J": Free(MOTOR)})
+    kept = Keep(None, problem)
+    fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=kept, say=lambda _: None, end=time.time() + 1e4)
+    search = Search(problem=bare, model=soft_drive(), result=smoothing(heavy, settings=HELD), fits=fits, settings=HELD)
+    search.problem, search.accepted = problem, [wrong]
+    return search
+
+
+@pytest.mark.parametrize(("left", "better"), [(0.5 * ASTRAY, False), (2.0 * ASTRAY, True)])
+def test_a_load_that_a_wrong_model_led_astray_is_found_again_from_the_guesses(left: float, better: bool):
+    search = astray()
+    scored = SimpleNamespace(sizes=SimpleNamespace(left={"load": left, "motor": 1.0}))
+    before = search.now.nats
+    assert search._better_from_the_guesses(scored) is better  # type: ignore[arg-type]
+    if better:
+        assert search.now.nats > before + CLEAR
+        assert search.result.parameters["load.J"].value == pytest.approx(LOAD, rel=0.1)
+        assert not search._better_from_the_guesses(scored)  # type: ignore[arg-type]  # asked once
 
 
 @pytest.mark.slow
