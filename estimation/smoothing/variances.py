@@ -55,43 +55,59 @@ class Choice:
     iterations: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Open:
+    """Standard deviations that nobody gave: of the residual forces at these places, and of every horizon of these outputs.
+
+    What nobody gave of one output is one factor. least_std: place -> below which nobody can tell, so that the iteration goes no lower;
+    most_std: place -> above which it goes no higher; least_noise (H, ny): the least factors on the outputs' first standard deviations.
+    """
+
+    places: Collection[int]
+    outputs: Sequence[Collection[str]]
+    least_std: Mapping[int, float]
+    most_std: Mapping[int, float]
+    least_noise: Array
+
+    def families(self, t: Transcription, at_rest: Array) -> list[Family]:
+        """Those of a transcription that are iterated."""
+        found, is_open = list[Family](), self.of_outputs(t)
+        for i, (k, std) in enumerate(zip(t.soft, t.force_std, strict=True)):
+            if k in self.places:
+                lowest, highest = np.log(max(self.least_std.get(k, 0.0) / std, 1e-300)), np.log(self.most_std.get(k, np.inf) / std)
+                found.append(Family(t.force_term, i, lowest, _moving(at_rest[i]), highest))
+        for i in np.flatnonzero(is_open.any(axis=0)).tolist():
+            least = float(np.log(max(self.least_noise[is_open[:, i], i].max(), 1e-300)))
+            found.append(Family("samples", i, least, _samples_of(t, is_open[:, i])))
+        return found
+
+    def of_outputs(self, t: Transcription) -> Mask:
+        """Which outputs of every horizon have none, (H, ny)."""
+        names = [q.name for q in t.dae.outputs]
+        return np.array([[name in own for name in names] for own in self.outputs]).reshape(len(self.outputs), len(names))
+
+
 def choose_weights(
     solve: Callable[[Array, Values, bool], Solution],
     start: Array,
     values: Values,
     transcription: Transcription,
     at_rest: Array,
-    places: Collection[int],
-    outputs: Sequence[Collection[str]],
-    least_std: Mapping[int, float],
-    least_noise: Array,
-    most_std: Mapping[int, float],
+    wanted: Open,
     say: Callable[[str], None],
+    *,
     hasty: bool = False,
     hopeless: float = np.inf,
 ) -> Choice:
     """Solve with the weights given; where places or outputs have none, iterate theirs.
 
     solve(decisions, values, to the full tolerance) -> Solution. at_rest (n_soft, N): what the values have near rest (`rest.py`), which
-    tells nothing about the weights elsewhere. outputs: of every horizon those whose noise nobody gave; what nobody gave of one output is
-    one factor. least_std: place -> standard deviation below which nobody can tell: the iteration goes no lower; most_std: place -> above
-    which it goes no higher; least_noise (H, ny): the least factors on the outputs' first standard deviations. hasty: weights move on from
-    where a solve stopped at its limit of iterations, far from its end or not. Where weights run away, so that squares cost ever more, those
-    of the start are taken again, and have not settled. Raises SolveError where the first solve, at the weights given, leaves a cost above
-    `hopeless`.
+    tells nothing about the weights elsewhere. hasty: weights move on from where a solve stopped at its limit of iterations, far from its
+    end or not. Where weights run away, so that squares cost ever more, those of the start are taken again, and have not settled. Raises
+    SolveError where the first solve, at the weights given, leaves a cost above `hopeless`.
     """
-    dae = transcription.dae
-    is_open = np.array([[q.name in names for q in dae.outputs] for names in outputs]).reshape(len(outputs), len(dae.outputs))
+    is_open, families = wanted.of_outputs(transcription), wanted.families(transcription, at_rest)
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
-    open_forces = [i for i, k in enumerate(transcription.soft) if k in places]
-    lowest = [least_std.get(k, 0.0) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
-    highest = [most_std.get(k, np.inf) / s for k, s in zip(transcription.soft, transcription.force_std, strict=True)]
-    families = [
-        Family(transcription.force_term, i, np.log(max(lowest[i], 1e-300)), _moving(at_rest[i]), np.log(highest[i])) for i in open_forces
-    ]
-    for i in np.flatnonzero(is_open.any(axis=0)).tolist():
-        least = float(np.log(max(least_noise[is_open[:, i], i].max(), 1e-300)))
-        families.append(Family("samples", i, least, _samples_of(transcription, is_open[:, i])))
     iterations, rounds, settled, cost, begun = 0, 0, not families, np.inf, start
     usual = float(sum(term.target.size for term in transcription.nlp.terms))
     for rounds in range(1, ROUNDS + 1) if families else ():

@@ -23,7 +23,7 @@ from .meshing import Meshed, mesh
 from .outcome import Run
 from .program import Program, Settings, ended, make_program
 from .rest import FrictionLaw, wants_room
-from .variances import CLOSE, Choice, choose_weights
+from .variances import CLOSE, Choice, Open, choose_weights
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Stds = list[dict[str, float]]
@@ -160,11 +160,13 @@ class Work:
             program.values,
             program.transcription,
             program.at_rest,
-            [k for k in program.transcription.soft if k not in self.given],
-            self.open_outputs,
-            {k: max(std, self.floor.get(k, 0.0)) for k, std in least_std.items()},
-            self.least_noise(stds),
-            self.ceiling,
+            Open(
+                places=[k for k in program.transcription.soft if k not in self.given],
+                outputs=self.open_outputs,
+                least_std={k: max(std, self.floor.get(k, 0.0)) for k, std in least_std.items()},
+                most_std=self.ceiling,
+                least_noise=self.least_noise(stds),
+            ),
             self.say,
             hasty=self.settings.hasty,
             hopeless=self.settings.hopeless,
