@@ -26,7 +26,7 @@ from ..results import Smoothing
 from ..smoothing.begun import Begun, followed_by, force_stds
 from ..smoothing.horizons import sampling_interval
 from ..smoothing.program import Settings
-from ..smoothing.rest import other_widths
+from ..smoothing.rest import friction_laws, other_widths
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
@@ -253,6 +253,12 @@ def hidden(problem: Problem) -> set[str]:
     """Places of bodies of which no output tells."""
     plain = problem.plain
     return {plain.dae.places[k].name for k in moving_unseen(plain)}
+
+
+def at_work(problem: Problem) -> set[str]:
+    """Places of friction laws in the model, but of those whose strengths are fixed at nothing."""
+    plain = problem.plain
+    return {plain.dae.places[k].name for law in friction_laws(plain) for k in law.places}
 
 
 def with_weights_of(begin: Solution, problem: Problem) -> Problem:

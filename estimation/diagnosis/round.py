@@ -32,7 +32,7 @@ from .library import library
 from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
-from .refit import hidden, holds, settled, worth_of
+from .refit import at_work, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -171,8 +171,9 @@ class Round:
 
     @property
     def _unheld(self) -> set[str]:
-        """Bodies that no output shows, and that nothing in the model holds at rest."""
-        return hidden(self.base.problem) - {name for name, place in self.base.result.residual_places.items() if place.rest_share}
+        """Bodies that no output shows, and that nothing in the model may hold at rest."""
+        resting = {name for name, place in self.base.result.residual_places.items() if place.rest_share}
+        return hidden(self.base.problem) - resting - at_work(self.base.problem)
 
     def _alone(self, fits: list[Judged], now: Worth) -> list[Judged]:
         """Further fits, best first, with what they gain over the model as it is, whatever others there are."""

@@ -18,10 +18,11 @@ from backsight.estimation.diagnosis.choice import CLEAR
 from backsight.estimation.diagnosis.diagnose import _base
 from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.refit import HELD, hidden
+from backsight.estimation.diagnosis.refit import HELD, at_work, hidden
 from backsight.estimation.diagnosis.search import ASTRAY, Search
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
+from backsight.models.mechanics.rotational import RotationalFriction
 
 MOTOR, LOAD, STIFFNESS, DAMPING, BEARING = 2e-3, 8e-3, 40.0, 0.01, 0.05
 STEP, FINER, NOISE, DURATION = 0.004, 40, 1e-3, 4.0
@@ -53,6 +54,12 @@ def posed(friction: float) -> Problem:
 def test_the_place_of_which_no_output_tells_is_the_load():
     problem = posed(0.0)
     assert hidden(Problem(model=compile_model(soft_drive()), recordings=problem.recordings, parameters=problem.parameters)) == {"load"}
+
+
+@pytest.mark.parametrize(("given", "held"), [(0.0, set()), (0.2, {"load"}), (Free(0.0, min=0.0), {"load"})])
+def test_a_law_is_at_work_but_where_its_strength_is_fixed_at_nothing(given, held):
+    model = soft_drive().insert("load", RotationalFriction(tau_c=0.1), "brake")
+    assert at_work(replace(posed(0.0), model=model, parameters={**posed(0.0).parameters, "brake.tau_c": given})) == held
 
 
 HELD_NAME, WEIGHED, ONWARD, FROM_THERE = (
