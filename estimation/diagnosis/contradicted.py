@@ -16,10 +16,10 @@ from backsight.models.errors import InputError
 from ..wording import probability
 from .predictor import Predictor
 from .proof import Case, Proof
-from .search import Search
+from .search import FEW, Search
 from .verdict import Finding, HeldOut
 
-MINOR, FEW = 0.1, 100.0  # of the nats of the largest effect, and nats: with less than one of these an effect is asked
+MINOR = 0.1  # of the nats of the largest effect: with less than that, or than FEW, an effect is asked
 SHARE = 0.5  # of the time that is left for its fit without one
 
 

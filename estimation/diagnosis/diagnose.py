@@ -126,6 +126,7 @@ def diagnose(
             notes.append(withdrawn(search.findings, held_out))
             search.withdraw()
             verdict, held_out = search.verdict(), None
+            verdict = "undecided" if verdict == "none" and not first.solver.converged else verdict
         else:
             notes.append(CONTRADICTED)
             verdict = verdict if verdict == "unknown_physics" else "undecided"

@@ -11,6 +11,7 @@ from functools import partial
 
 from backsight.models import Model
 from backsight.models.errors import InputError, SolveError
+from backsight.ocp import Solution
 
 from ..problem import Free, Problem
 from ..results import Smoothing
@@ -124,8 +125,18 @@ class Fits:
         free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
         name = self.kept.name(repr(("weighed", list(base.changes), free)), start=_found(near))
         settings = replace(QUICKLY, seconds=self.left / 2, supposed=base.settings.supposed)
-        found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=near.solution, progress=self.say))
+        begin: Solution | Begun | None = near.solution
+        if near.solution is not None and not _as_many_states(near.solution, problem):
+            begin = Begun.of(near.solution, problem)  # a lag that was there is gone
+        try:
+            found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=begin, progress=self.say))
+        except (SolveError, InputError):
+            return None
         return None if found is None or not found.solver.converged else (problem, found)
+
+
+def _as_many_states(solution: Solution, problem: Problem) -> bool:
+    return [q.name for q in solution.transcription.dae.states] == [q.name for q in problem.posed.dae.states]
 
 
 def _found(result: Smoothing) -> dict[str, float]:

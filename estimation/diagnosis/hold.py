@@ -19,7 +19,7 @@ from ..results import Smoothing
 from ..smoothing.program import Settings
 from .candidates import Candidate, Signal
 from .choice import CLEAR
-from .refit import evidence
+from .refit import worth_of
 from .score import Linearised
 from .supermodel import looked_at
 
@@ -51,8 +51,16 @@ def with_better_hold(problem: Problem, model: Model, first: Base, smoothed: Call
         return problem, first, ""
     other = replace(problem, recordings=[replace(r, hold="linear") for r in problem.recordings])
     second = smoothed(other)
-    more = evidence(other, second[0]) - evidence(problem, first[0])
-    if not more > CLEAR:
+    at_rest = [one.solver.converged for one, _ in (first, second)]
+    if at_rest == [True, True]:
+        if first[1].weigh is not second[1].weigh:
+            return problem, first, ""  # of one the weights are held: their evidences are of different things
+        now, then = (worth_of(p, one, weighed=how.weigh) for p, (one, how) in ((problem, first), (other, second)))
+        if not (more := then.over(now)) > CLEAR:
+            return problem, first, ""
+        gained = f"{more:.3g} nats more"
+    elif at_rest == [False, True]:
+        gained = "held ones do not come to rest"
+    else:
         return problem, first, ""
-    said = f"Inputs were taken to run straight from row to row, not to be held: {more:.3g} nats more. Say hold = 'linear' if that is so."
-    return other, second, said
+    return other, second, f"Inputs were taken to run straight from row to row, not to be held: {gained}. Say hold = 'linear' if that is so."

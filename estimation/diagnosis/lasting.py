@@ -3,7 +3,9 @@
 A smoother sees a white force through its own resolution, so that of one the estimate has a memory, too: its autocorrelation is drawn from
 the linearised problem. With r_k that of the residual force, in units of its own deviation, s_k that of the draws, and n intervals each,
 
-    lasting^2 = sum of n max_(l >= K) |r_l| / sum of n        K: the least beyond which no |s_k| is more than FORGOTTEN, and LEAST
+    lasting^2 = sum of n max_(l >= K) |r_l| / sum of n        K: the least, from LEAST on, at which the mean |s_k| is below FORGOTTEN
+
+of intervals where that is more than the same maximum of every draw: over hundreds of lags that of white noise is not nothing.
 """
 
 from __future__ import annotations
@@ -29,9 +31,13 @@ def lasting(base: Linearised, place: str, seed: int = 0) -> float:
     whole = kept = 0.0
     for own, chance in zip(np.split(now, ends), np.split(drawn, ends), strict=True):
         lags = len(own) // LAGS
-        noise = np.abs(np.mean([_autocorrelation(column, lags) for column in chance.T], axis=0))
-        first = max(int(np.flatnonzero(noise > FORGOTTEN).max(initial=0)) + 1, LEAST)
-        whole, kept = whole + len(own), kept + len(own) * float(np.abs(_autocorrelation(own, lags))[first:].max(initial=0.0))
+        noise = np.abs([_autocorrelation(column, lags) for column in chance.T])
+        forgotten = np.flatnonzero(noise.mean(axis=0)[LEAST:] < FORGOTTEN)
+        whole += len(own)
+        if len(forgotten):
+            first = LEAST + int(forgotten[0])
+            most = float(np.abs(_autocorrelation(own, lags))[first:].max())
+            kept += len(own) * most if most > noise[:, first:].max() else 0.0
     return float(np.sqrt(kept / whole)) if whole > 0 else 0.0
 
 

@@ -16,7 +16,7 @@ from backsight.models.mechanics.spatial import RigidBody
 from backsight.ocp import Horizon, Solution
 
 from ..problem import Free, Problem
-from ..smoothing.along import along
+from ..smoothing.along import along, times_within
 from ..smoothing.begun import followed_by
 from ..smoothing.rest import friction_laws, rounding
 from ..smoothing.unseen import moving_unseen
@@ -216,8 +216,7 @@ class _Motions:
     def _course(self, expression: Any) -> Array:
         """A scalar of the model along the trajectories of all recordings."""
         t, found = self._solution.transcription, list[Array]()
-        for number, horizon in enumerate(t.horizons):
-            times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT)
+        for number, times in enumerate(times_within(t.horizons, LOOKED_AT)):
             found.append(along(t.dae, expression, self._followed, number, times, self._solution.parameters).ravel())
         return np.concatenate(found)
 

@@ -31,8 +31,7 @@ def of_loads(model: Model, spot: Spot, motion: Motion, size: Callable[[str], flo
         rms = size(load)
         if not rms > 0:
             continue
-        owner = load.partition(".")[0]
-        name = free_name(model, f"load_dependent_friction_{spot.name}_{owner}")
+        name = free_name(model, f"load_dependent_friction_{spot.name}_{load.replace('.', '_')}")
         kind = sliding.LoadDependentFriction if spot.kind == "translational" else turning.RotationalLoadDependentFriction
         law = kind(load_width=max(ROUNDED * rms, kind.declared_parameters["load_width"].min))
         edit = Insert(place=flange_of(spot), component=rounded(law, motion), name=name, joined=((load, f"{name}.load"),))

@@ -52,7 +52,8 @@ def dated(base: Linearised, found: Screened) -> Screened:
     columns = clock.after(whole.columns, time)
     there = base.scores(columns)
     estimate = np.asarray(np.linalg.lstsq(there.G, -there.b, rcond=None)[0], dtype=np.float64)
-    return replace(found, look=replace(found.look, candidate=since, columns=columns), gain=most, estimate=estimate)
+    look = replace(found.look, candidate=since, columns=columns)
+    return replace(found, look=look, gain=most, estimate=estimate, origin=found.origin or found)
 
 
 def moved(base: Linearised, whole: Look, strengths: Array, onset: float) -> tuple[float, float]:

@@ -248,7 +248,7 @@ class Round:
             if gained < CLEAR or since is None:
                 return best
             look = replace(s.look, candidate=since)
-            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths))])
+            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths, origin=s.origin or s))])
             c, s, f_again = again_fitted
             more = f_again.worth.over(f.worth)
             if more < 0 or not sound(since, f_again):

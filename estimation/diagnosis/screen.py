@@ -47,7 +47,7 @@ PARTS = 25  # of the recordings, long enough that what is left over in one tells
 class Screened:
     """A candidate at its best shape. gain [nats]; estimate, std (n,) of its strengths; freedom: how many of them the recordings tell.
 
-    inflation: of the variance of its score, over that beside white residuals.
+    inflation: of the variance of its score, over that beside white residuals. origin: as the screen has it, of one that was changed since.
     """
 
     look: Look
@@ -56,6 +56,7 @@ class Screened:
     std: Array
     freedom: int
     inflation: float = 1.0
+    origin: Screened | None = None
 
     @property
     def worth(self) -> float:
@@ -86,6 +87,7 @@ class Screen:
     def alike(self, a: Screened, b: Screened) -> float:
         """How well an effect of one can always stand for an effect of the other: cosine of the largest principal angle between them."""
         order = {id(s): k for k, s in enumerate(self.found[: len(self.columns)])}
+        a, b = a.origin or a, b.origin or b
         if a.freedom != b.freedom or id(a) not in order or id(b) not in order:
             return 0.0
         at = [list(self.columns[order[id(s)]]) for s in (a, b)]

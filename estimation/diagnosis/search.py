@@ -32,6 +32,7 @@ from .worth import Worth
 EFFECTS = 6
 MOVES = 3  # times that the model as it is goes where a fit came to rest
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
+FEW = 100.0  # nats: with less an effect is small
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
@@ -356,9 +357,11 @@ class Search:
     def faint(self) -> bool:
         """Whether no finding is so sure that other recordings could not take it back.
 
-        Beside a force without a name none is: chances suppose that nothing else was left out.
+        Beside a force without a name none is: chances suppose that nothing else was left out. What no score tells of has no chance; its
+        evidence tells.
         """
-        return len(self.named) < len(self.findings) or not any(f.p_value < FAINT for f in self.findings)
+        sure = [f.gain > FEW if np.isnan(f.p_value) else f.p_value < FAINT for f in self.findings]
+        return len(self.named) < len(self.findings) or not any(sure)
 
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""

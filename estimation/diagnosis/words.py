@@ -9,12 +9,19 @@ from ..wording import listed, measured, probability
 from .verdict import EVERYWHERE, Diagnosis, Explanation, Finding, HeldOut, Strength
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
+KINDS = {
+    "parameter": "A given value is wrong:",
+    "sensor": "A sensor does not read what the model supposes:",
+    "actuator": "An input does not act as it was recorded:",
+}  # family -> how what was found is said
+LEFT_OUT = "The model leaves out"
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 
 def withdrawn(findings: Sequence[Finding], held_out: HeldOut) -> str:
     """What was found by little evidence, and went out of the model again since what was held out speaks against it."""
-    told = [f"{f.explanation.words} ({probability(f.p_value)})" for f in findings if f.explanation.physics != UNKNOWN]
+    named = [f for f in findings if f.explanation.physics != UNKNOWN]
+    told = [f"{f.explanation.words} ({p})" if (p := probability(f.p_value)) else f.explanation.words for f in named]
     worse = f"{-held_out.improvement_percent:.3g} %"
     return f"Not borne out: {listed(told)}, by what was fitted. Of what was held out prediction errors are {worse} larger with it."
 
@@ -30,14 +37,7 @@ def _verdict(found: Diagnosis) -> str:
         if found.verdict in ("none", "parameter", "sensor", "input", "missing_physics"):
             return "Nothing is missing: no effect in the library stands out of these recordings."
         return "Something is missing, and these recordings do not tell what."
-    what = listed(names)
     match found.verdict:
-        case "parameter":
-            return f"A given value is wrong: {listed([numbers(f.explanation.parameters) or f.explanation.place for f in found.findings])}."
-        case "sensor":
-            return f"A sensor does not read what the model supposes: {what}."
-        case "input":
-            return f"An input does not act as it was recorded: {what}."
         case "unknown_physics":
             nameless = [f for f in found.findings if f.explanation.physics == UNKNOWN] or list(found.findings)
             others = [named(f.explanation) for f in found.findings if f not in nameless]
@@ -48,10 +48,19 @@ def _verdict(found: Diagnosis) -> str:
             return f"Something is missing at {where} that no member of the library explains{beside}.{goes}"
         case "undecided":
             if found.held_out is not None and found.held_out.refuting:
-                return f"Something is missing, and {what} would explain it where it was fitted alone."
+                return f"Something is missing, and {listed(names)} would explain it where it was fitted alone."
             rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
             return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."
-    return f"The model leaves out {what}."
+    return " ".join(_clauses(found.findings))
+
+
+def _clauses(findings: Sequence[Finding]) -> list[str]:
+    """What was found, a sentence for every kind of it."""
+    kinds: dict[str, list[str]] = {}
+    for e in (f.explanation for f in findings):
+        own = numbers(e.parameters) or e.place if e.family == "parameter" else named(e)
+        kinds.setdefault(KINDS.get(e.family, LEFT_OUT), []).append(own)
+    return [f"{kind} {listed(own)}." for kind, own in kinds.items()]
 
 
 def named(explanation: Explanation) -> str:

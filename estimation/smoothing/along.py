@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from backsight.models import Dae
+from backsight.ocp import Horizon
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
@@ -52,8 +54,7 @@ def forces(
     parts[told, acting.shape[0] :] = 0
     terms = ca.vec(ca.densify(parts))
     found = []
-    for number, horizon in enumerate(followed.horizons):
-        times = np.linspace(horizon.time[0], horizon.time[-1], LOOKED_AT + 2)[1:-1]
+    for number, times in enumerate(times_within(followed.horizons, LOOKED_AT)):
         found.append(along(dae, terms, followed, number, times, parameters))
     values = np.hstack(found)
     mean = np.nanmean(values, axis=1, keepdims=True) if varying else 0.0
@@ -71,6 +72,13 @@ def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
         return borne and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
+
+
+def times_within(horizons: Sequence[Horizon], most: int) -> list[Array]:
+    """Times inside of every horizon, in proportion to how long it is; `most` of the longest."""
+    spans = [float(h.time[-1] - h.time[0]) for h in horizons]
+    counts = [max(round(most * span / max(spans)), 1) if max(spans) > 0 else 1 for span in spans]
+    return [np.linspace(h.time[0], h.time[-1], count + 2)[1:-1] for h, count in zip(horizons, counts, strict=True)]
 
 
 def rms(r: Array) -> Array:

@@ -150,6 +150,19 @@ def said(verdict: str, **changes) -> str:
     return sentence(replace(diagnosis(), verdict=verdict, findings=(finding,), held_out=None))
 
 
+def test_what_was_found_beside_a_wrong_value_is_none():
+    m = Strength(value=95.1, std=0.52, unit="kg")
+    mass = Explanation(place="carriage", family="parameter", physics="wrong_parameter", parameters={"carriage.m": m})
+    gain = Explanation(place="sensor:x", family="sensor", physics="sensor_gain")
+    first = diagnosis().findings[0]
+    friction = replace(first.explanation, parameters={})
+    findings = tuple(replace(first, explanation=e) for e in (mass, friction, gain))
+    assert sentence(replace(diagnosis(), verdict="parameter", findings=findings, held_out=None)) == (
+        "A given value is wrong: carriage.m = 95.10 ± 0.52 kg. The model leaves out coulomb friction at carriage. "
+        "A sensor does not read what the model supposes: sensor gain at sensor:x."
+    )
+
+
 def test_every_verdict_is_one_sentence():
     rival = Explanation(place="input:F", family="actuator", physics="input_offset")
     m = Strength(value=95.1, std=0.52, unit="kg")

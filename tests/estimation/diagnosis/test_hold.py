@@ -12,7 +12,7 @@ from backsight.estimation import Problem, Smoothing, smooth
 from backsight.estimation.diagnosis.choice import CLEAR
 from backsight.estimation.diagnosis.diagnose import diagnose
 from backsight.estimation.diagnosis.hold import promised, straight, with_better_hold
-from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.refit import HELD, QUICKLY
 from backsight.models.plants import actuator
 
 M, D, W = 95.0, 203.0, {"carriage": 0.02}
@@ -54,6 +54,27 @@ def test_inputs_that_are_held_stay_so():
     first = smoothed(problem)
     assert promised(problem, actuator(), first[0]) < 0
     assert with_better_hold(problem, actuator(), first, smoothed) == (problem, first, "")
+
+
+@pytest.mark.parametrize(("held_rests", "straight_rests", "taken"), [(True, False, False), (False, True, True), (False, False, False)])
+def test_what_does_not_come_to_rest_is_no_better(held_rests, straight_rests, taken, monkeypatch):
+    """Though a score promises it."""
+    problem, result = posed(run(0.5, 2e-3), W=W), smooth(posed(run(0.5, 2e-3), W=W))
+    monkeypatch.setattr("backsight.estimation.diagnosis.hold.promised", lambda *_: 50.0)
+
+    def left(rests: bool) -> Smoothing:
+        return replace(result, solver=replace(result.solver, converged=rests))
+
+    better, _, said = with_better_hold(problem, actuator(), (left(held_rests), QUICKLY), lambda _: (left(straight_rests), QUICKLY))
+    assert (better is not problem) is taken
+    assert ("do not come to rest" in said) is taken
+
+
+def test_weights_from_the_data_are_not_held_against_held_ones(monkeypatch):
+    problem = posed(run(0.5, 2e-3), W=W)
+    first = smoothed(problem)
+    monkeypatch.setattr("backsight.estimation.diagnosis.hold.promised", lambda *_: 50.0)
+    assert with_better_hold(problem, actuator(), (first[0], HELD), smoothed) == (problem, (first[0], HELD), "")
 
 
 def test_what_a_study_says_is_not_asked_again():

@@ -15,7 +15,8 @@ from backsight.estimation.diagnosis.refit import begun, evidence, fitted, settle
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
 from backsight.estimation.diagnosis.supermodel import looked_at
-from backsight.models import compile_model
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.translational import Force, LoadDependentFriction, Mass, PositionSensor
 from backsight.models.plants import PLANTS, actuator
 
 M, D, MU, NOISE = 80.0, 150.0, 0.12, 2e-6
@@ -38,6 +39,26 @@ def test_loads_are_of_what_drives_a_body_and_of_elements_at_it_but_of_no_frictio
 def test_behind_a_soft_screw_the_screw_loads_the_carriage():
     model = actuator("compliant")
     assert {spot.name: loads(model, spot) for spot in bodies(model)} == {"motor_mass": ["motor.f", "screw.f"], "carriage": ["screw.f"]}
+
+
+def test_two_loads_of_one_element_are_two_candidates_that_can_be_together():
+    """Friction between two masses that goes with a load of its own has two forces."""
+    model = Model(
+        name="pair",
+        components={"motor": Force(), "a": Mass(m=1.0), "between": LoadDependentFriction(mu=0.1), "b": Mass(m=2.0),
+            "press": Force(), "scale": PositionSensor()},
+        connections=[
+            ("motor.flange", "a.flange"), ("a.flange", "between.flange_a"), ("between.flange_b", "b.flange"), ("press.flange", "b.flange"),
+            ("a.flange", "scale.flange"), ("press.f", "between.load"),
+        ],
+        inputs={"F": "motor.f", "P": "press.f"},
+        outputs={"x": "scale.s"},
+    )  # fmt: skip
+    spot = next(spot for spot in bodies(model) if spot.name == "a")
+    found = of_loads(model, spot, Motion(v_rms=1.0, low=0.0, high=1.0), lambda _: 1.0)
+    names = [name for c in found for name in c.brought]
+    assert len(names) >= 2
+    assert len(set(names)) == len(names)
 
 
 def test_what_is_no_load_has_no_friction_of_it():

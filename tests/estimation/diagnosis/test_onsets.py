@@ -9,6 +9,7 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import Free, smooth
+from backsight.estimation.diagnosis.choice import SAME
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.onsets import ONSETS, dated, late, onset
 from backsight.estimation.diagnosis.score import Linearised
@@ -39,6 +40,21 @@ def test_a_force_that_sets_in_is_dated_and_measured(at):
     assert found.candidate.onset == pytest.approx(at, abs=DURATION / 200)
     assert found.estimate == pytest.approx([8.0], rel=0.05)
     assert found.candidate.edits[-1].words == f"constant_force_carriage.f from {found.candidate.onset:.4g} s on"
+
+
+def test_what_sets_in_keeps_its_twin():
+    """A force from some time on, and an input's offset from then on, are one to the recordings; dates that are refined change nothing."""
+    problem = posed(run(DURATION, 2e-3, force=lambda t, *_: np.array([-8.0 if t > 0.5 else 0.0])))
+    result = smooth(problem)
+    base = Linearised(result.solution)
+    some = looked_at(problem, problem.model, base, library(problem, problem.model, result.solution))
+    found = screen(base, some, late(base, some), draws=0)
+    one, twin = (
+        next(s for s in found.found if s.candidate.physics == physics and s.candidate.onset is not None)
+        for physics in ("constant_force", "input_offset")
+    )
+    assert dated(base, one) is not one
+    assert found.alike(dated(base, one), twin) > SAME
 
 
 def test_friction_that_sets_in_is_dated_too():

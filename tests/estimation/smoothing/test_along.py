@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from examples import soft_drive
 
 from backsight.estimation import Problem, Recording, smooth
-from backsight.estimation.smoothing.along import along, forces
+from backsight.estimation.smoothing.along import along, forces, times_within
 from backsight.estimation.smoothing.begun import followed_by
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
@@ -46,6 +47,13 @@ def test_of_what_varies_the_mean_is_no_part():
     hung[[p.name for p in problem.dae.parameters].index("offset.f")] = 5 * inertia
     assert forces(problem, trajectories, hung)[0] == pytest.approx(5 * inertia, rel=0.01)
     assert forces(problem, trajectories, hung, varying=True)[0] == pytest.approx(inertia, rel=0.01)
+
+
+def test_short_pieces_count_as_long_as_they_are():
+    horizons = [SimpleNamespace(time=np.array([0.0, end])) for end in (10.0, 0.1, 5.0)]
+    times = times_within(horizons, 100)  # type: ignore[arg-type]
+    assert [len(t) for t in times] == [100, 1, 50]
+    assert all(t[0] > 0.0 and t[-1] < h.time[-1] for t, h in zip(times, horizons, strict=True))
 
 
 def test_an_expression_is_evaluated_along_the_trajectory():
