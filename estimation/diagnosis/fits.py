@@ -97,12 +97,7 @@ class Fits:
         weighed = problem if base.settings.weigh else with_weights_of(solution, problem)
         settings = replace(base.settings, seconds=min(base.settings.seconds, max(self.left / 2, least)))
         name = self.kept.name(repr((what, list(base.changes), base.settings.weigh)), start=_found(base.result))
-        begin = Begun.of(solution, weighed)
-        try:
-            found = self.kept.smoothed(name, partial(smoothing, weighed, settings=settings, begin=begin, progress=self.say))
-        except (SolveError, InputError):
-            return None
-        return found if found is not None and found.solver.converged else None
+        return self._arrived(name, weighed, settings, Begun.of(solution, weighed))
 
     def anew(self, base: Base, problem: Problem) -> tuple[Problem, Smoothing] | None:
         """A problem smoothed from its own guesses, at the base's weights or as these are: from the data. None where it does not arrive."""
@@ -111,11 +106,8 @@ class Fits:
         posed = problem if base.settings.weigh else with_weights_of(solution, problem)
         settings = replace(HELD, options=PATIENT, supposed=base.settings.supposed, seconds=LONGEST * self.left)
         name = self.kept.name(repr(("anew", list(base.changes), base.settings.weigh)), start=_found(base.result))
-        try:
-            found = self.kept.smoothed(name, partial(smoothing, posed, settings=settings, progress=self.say))
-        except (SolveError, InputError):
-            return None
-        if found is None or not found.solver.converged:
+        found = self._arrived(name, posed, settings, None)
+        if found is None:
             return None
         return self.weighed(base, problem, found) if base.settings.weigh else (problem, found)
 
@@ -128,11 +120,16 @@ class Fits:
         begin: Solution | Begun | None = near.solution
         if near.solution is not None and not _as_many_states(near.solution, problem):
             begin = Begun.of(near.solution, problem)  # a lag that was there is gone
+        found = self._arrived(name, problem, settings, begin)
+        return None if found is None else (problem, found)
+
+    def _arrived(self, name: str, problem: Problem, settings: Settings, begin: Solution | Begun | None) -> Smoothing | None:
+        """A problem smoothed, or as it was kept; None where it does not come to rest."""
         try:
             found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=begin, progress=self.say))
         except (SolveError, InputError):
             return None
-        return None if found is None or not found.solver.converged else (problem, found)
+        return found if found is not None and found.solver.converged else None
 
 
 def _as_many_states(solution: Solution, problem: Problem) -> bool:
