@@ -97,7 +97,6 @@ def diagnose(
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
     if not first.solver.converged:
         notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
-        verdict = "undecided" if verdict == "none" else verdict
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out = None
@@ -126,10 +125,11 @@ def diagnose(
             notes.append(withdrawn(search.findings, held_out))
             search.withdraw()
             verdict, held_out = search.verdict(), None
-            verdict = "undecided" if verdict == "none" and not first.solver.converged else verdict
         else:
             notes.append(CONTRADICTED)
             verdict = verdict if verdict == "unknown_physics" else "undecided"
+    if verdict == "none" and not first.solver.converged:
+        verdict = "undecided"
     return Diagnosis(
         verdict=verdict,
         findings=tuple(search.findings),
