@@ -53,7 +53,7 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _which(e: Explanation) -> dict[str, Any]:
-    return {"place": e.place, "physics": e.physics}
+    return {"place": e.place, "physics": e.physics} | ({"parameter_names": list(e.subject)} if e.subject else {})
 
 
 def _tried(t: Tried) -> dict[str, Any]:

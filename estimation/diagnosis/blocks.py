@@ -9,19 +9,20 @@ from ..validation.whiteness import effective_samples
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-MEMORY = 3.0  # autocorrelation times of a block
-BLOCKS = (3, 30)
+# autocorrelation times of a block: as a short series tells them they are too short (its mean is taken from it), the more so the longer
+MEMORY = 6.0
+BLOCKS = (2, 30)
 
 
 def block_gains(squares: Array, every: Array) -> list[float]:
     """d_b of every block of a piece: mean over outputs and spans of log(before/after) of the rms there.
 
-    squares (2, outputs, spans, M): mean squares of the windows; every (2, outputs, spans): over all, by whose mean the windows' differences
-    are made comparable before their memory is measured.
+    squares (2, outputs, spans, M): mean squares of the windows; every (2, outputs, spans): over all. The memory is that of what a window
+    adds to the gain of all of them, to first order: half the difference of its two squares, each relative to its mean.
     """
     M = squares.shape[3]
     with np.errstate(divide="ignore", invalid="ignore"):
-        relative = (squares[0] - squares[1]) / every.mean(axis=0)[:, :, None]
+        relative = squares[0] / every[0][:, :, None] - squares[1] / every[1][:, :, None]
     series = mean(relative.reshape(-1, M).T)
     there = series[np.isfinite(series)]
     if not len(there):

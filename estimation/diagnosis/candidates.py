@@ -10,6 +10,8 @@ import numpy as np
 from backsight.models import Model
 from backsight.models.language import Component, Parameter
 
+from .verdict import Key, titled
+
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
@@ -209,14 +211,19 @@ class Candidate:
         return float(parts[0].parameters.get(word, 0.0)) if parts else 0.0
 
     @property
-    def key(self) -> tuple[str, str]:
-        """Place and physics."""
-        return self.place, self.physics
+    def subject(self) -> tuple[str, ...]:
+        """The parameters of the model that it says are wrong: a component has several."""
+        return self.strengths if self.family == "parameter" else ()
+
+    @property
+    def key(self) -> Key:
+        """What it is, whatever its numbers are."""
+        return self.place, self.physics, *self.subject
 
     @property
     def title(self) -> str:
         """stribeck friction at carriage."""
-        return f"{self.physics.replace('_', ' ')} at {self.place}"
+        return titled(*self.key)
 
     def edited(self, model: Model) -> Model:
         """The model with it."""

@@ -39,7 +39,7 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
         for word, path in c.named.items():
             if (p := result.parameters.get(path)) is not None:
                 strengths[word] = Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
-    return Explanation(place=c.place, family=c.family, physics=c.physics, gap=gap, parameters=strengths)
+    return Explanation(place=c.place, family=c.family, physics=c.physics, subject=c.subject, gap=gap, parameters=strengths)
 
 
 def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
@@ -56,7 +56,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         elif np.isfinite(gap):
             others.append(explained(d, g.result, gap))
     if s is not None:
-        told = {c.key} | {(r.place, r.physics) for r in rivals + others}
+        told = {c.key} | {r.key for r in rivals + others}
         alike = [o for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME]
         rivals += [explained(o.candidate, None) for o in alike]
         near += alike
@@ -102,7 +102,7 @@ def _separates(base: Linearised, best: Judged, near: Sequence[Screened | None]) 
 def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Finding:
     """A finding with the numbers that it has in a result, and the name that goes with these."""
     now = evened(replace(old.explanation, parameters=explained(c, result).parameters), c, result, sizes.forces.get(c.place, 0.0))
-    rivals = tuple(r for r in old.rivals if (r.place, r.physics) != (now.place, now.physics))
+    rivals = tuple(r for r in old.rivals if r.key != now.key)
     there = old.regime if now.physics == old.explanation.physics else EVERYWHERE
     return replace(
         old,

@@ -13,7 +13,8 @@ What could be gained at best is told by the trajectory that the base model has w
 it, or their noise, where that is more, instead of the repaired model's errors.
 
 The p-value is of Student's t of d_b = mean over outputs and horizons of log(before/after) of the rms in block b, one-sided against no gain;
-blocks are so long that their means may count as independent: three integrated autocorrelation times.
+blocks are so long that their means may count as independent: six integrated autocorrelation times as the windows tell them, which
+tell too few of them where they remember long.
 """
 
 from __future__ import annotations

@@ -341,7 +341,7 @@ class Search:
 
     def _limits(self, scored: Round) -> None:
         """What could not have been seen, and what is left over."""
-        skipped = {(f.explanation.place, f.explanation.physics) for f in self.findings}
+        skipped = {f.explanation.key for f in self.findings}
         self.undetectable = limits(scored.found, scored.sizes, self.model, skipped)
         self._unexplained(scored.sizes)
 

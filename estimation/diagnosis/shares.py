@@ -20,7 +20,7 @@ from .regimes import Mask, regime
 from .score import Linearised
 from .screen import SURE, Screen, Screened
 from .supermodel import Look
-from .verdict import EVERYWHERE, Undetectable
+from .verdict import EVERYWHERE, Key, Undetectable
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -103,7 +103,7 @@ def _left(result: Smoothing, there: Mapping[str, float]) -> dict[str, float]:
     return {name: summaries[name].rms / force for name, force in there.items() if name in summaries}
 
 
-def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[tuple[str, str]]) -> list[Undetectable]:
+def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list[Undetectable]:
     """Of every candidate that was not found, the least strength that would have been; of those that have a score.
 
     Of one with shapes at that in the middle, from the one that shows the least strength to those that show none: at its best shape nothing

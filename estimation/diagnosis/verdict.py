@@ -17,6 +17,7 @@ EVERYWHERE = "whole record"  # the regime of what acts wherever the machine move
 FEWEST = 3  # blocks that can refute a repair
 REFUTED = 0.1  # chance that windows are predicted as much worse, or worse still, by a model that is as good
 
+Key = tuple[str, ...]  # place, physics, and the parameters that are wrong
 Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
 
 
@@ -29,20 +30,39 @@ class Strength:
     unit: str
 
 
+def titled(place: str, physics: str, *subject: str) -> str:
+    """An explanation in words: what it is, and where, or of which parameters."""
+    return f"{physics.replace('_', ' ')} {', '.join(subject) or f'at {place}'}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """One explanation of the mismatch: a member of the library at a place. gap: log evidence that it lacks against the one chosen."""
+    """One explanation of the mismatch: a member of the library at a place. gap: log evidence that it lacks against the one chosen.
+
+    subject: the parameters of the model that are said to be wrong, of which a component has several.
+    """
 
     place: str
     family: str
     physics: str
+    subject: tuple[str, ...] = ()
     gap: float = 0.0
     parameters: Mapping[str, Strength] = field(default_factory=dict)
 
     @property
+    def key(self) -> Key:
+        """What it is, whatever its numbers are."""
+        return self.place, self.physics, *self.subject
+
+    @property
+    def where(self) -> str:
+        """The place, or what is wrong there."""
+        return ", ".join(self.subject) or self.place
+
+    @property
     def words(self) -> str:
-        """coulomb friction at drive_2."""
-        return f"{self.physics.replace('_', ' ')} at {self.place}"
+        """coulomb friction at drive_2; wrong parameter drive_2.J."""
+        return titled(*self.key)
 
 
 @dataclass(frozen=True, kw_only=True)

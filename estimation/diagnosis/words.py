@@ -64,8 +64,10 @@ def _clauses(findings: Sequence[Finding]) -> list[str]:
 
 
 def named(explanation: Explanation) -> str:
-    """Coulomb friction at carriage (f_c = 20.31 ± 0.12 N)."""
+    """Coulomb friction at carriage (f_c = 20.31 ± 0.12 N); wrong parameter screw.lead = 5.02 ± 0.01 mm."""
     strengths = numbers(explanation.parameters)
+    if explanation.subject and strengths:
+        return f"{explanation.physics.replace('_', ' ')} {strengths}"
     return f"{explanation.words} ({strengths})" if strengths else explanation.words
 
 

@@ -127,7 +127,7 @@ def _when(found: Diagnosis) -> str:
 
 def _what(found: Diagnosis) -> str:
     """Every finding with its numbers, and what else it might have been."""
-    parts = [f"<h3>{escape(_words(f.explanation.physics))} at {code(f.explanation.place)}</h3>{facts(_finding(f))}" for f in found.findings]
+    parts = [f"<h3>{escape(f.explanation.words)}</h3>{facts(_finding(f))}" for f in found.findings]
     note = (
         "The chance is that of as much evidence anywhere in the library if nothing were missing. Evidence is the logarithm of how much "
         "likelier the recordings are with the effect than without, all parameters estimated again in both."
@@ -153,11 +153,11 @@ def _finding(f: Finding) -> list[tuple[str, str]]:
 def _tried(found: Diagnosis) -> str:
     if not found.tried:
         return ""
-    chosen = {(f.explanation.place, f.explanation.physics) for f in found.findings}
-    rivals = {(r.place, r.physics) for f in found.findings for r in f.rivals}
+    chosen = {f.explanation.key for f in found.findings}
+    rivals = {r.key for f in found.findings for r in f.rivals}
 
     def fate(t: Tried) -> str:
-        which = (t.explanation.place, t.explanation.physics)
+        which = t.explanation.key
         if which in chosen:
             return "accepted"
         if which in rivals:
@@ -165,7 +165,7 @@ def _tried(found: Diagnosis) -> str:
         return t.refused or ("less evidence" if t.fitted is not None else "not fitted: too little to gain")
 
     rows = [
-        [_words(t.explanation.physics), t.explanation.place, number(t.predicted, 3), number(t.fitted, 4), fate(t)]
+        [_words(t.explanation.physics), t.explanation.where, number(t.predicted, 3), number(t.fitted, 4), fate(t)]
         for t in found.tried[:LISTED]
     ]
     head = ["effect", "place", "gain foreseen [nats]", "gain when fitted [nats]", "what became of it"]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from backsight.estimation import Problem, Recording
-from backsight.estimation.diagnosis.findings import nameless, verdict
-from backsight.estimation.results import ResidualSummary
+from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.findings import finding, nameless, verdict
+from backsight.estimation.diagnosis.refit import Fitted
+from backsight.estimation.results import ParameterEstimate, ResidualSummary
 from backsight.models.plants import PLANTS
 
 
@@ -46,3 +49,20 @@ def test_an_unknown_force_may_be_wherever_the_outputs_cannot_tell_it_from(place,
     assert {(r.place, r.physics) for r in found.rivals} == {(other, "unknown_physics") for other in others}
     assert found.separates == separates
     assert verdict([found]) == "unknown_physics"
+
+
+@pytest.mark.parametrize(("lacks", "told"), [(1.0, False), (40.0, True)])
+def test_two_parameters_of_one_component_may_be_wrong_and_each_is_named(lacks, told):
+    """A gear's ratio and its inertia stand in one component: what is said of one of them does not go for the other."""
+
+    def judged(path: str, gain: float) -> tuple:
+        value = ParameterEstimate(name=path, value=2.0, std=0.01, unit="1", fixed=False)
+        c = Candidate(place="gear", family="parameter", physics="wrong_parameter", strengths=(path,), start={path: (1.0, 0.1, 9.0)})
+        result = SimpleNamespace(parameters={path: value}, units={})
+        return replace(c, named={path: path}), None, Fitted(candidate=c, result=result, gain=gain)
+
+    best, other = judged("gear.ratio", 100.0), judged("gear.J", 100.0 - lacks)
+    found = finding(None, best, [best, other], None, None)
+    assert found.explanation.words == "wrong parameter gear.ratio"
+    assert [e.words for e in found.rivals] == ["wrong parameter gear.J"] * (not told)
+    assert [e.words for e in found.alternatives] == ["wrong parameter gear.J"] * told

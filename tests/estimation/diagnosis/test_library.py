@@ -63,7 +63,7 @@ def test_moments_of_inertia_about_the_axes_of_a_tilt_are_doubted_together_too(su
     assert [c.strengths for c in found] == [("body.Ixx", "body.Iyy")] * together
     for c in found:
         assert (c.key, c.stated, c.start.keys(), c.named) == (
-            ("body", "wrong_parameter"),
+            ("body", "wrong_parameter", "body.Ixx", "body.Iyy"),
             True,
             {*c.strengths},
             {n: n for n in c.strengths},
