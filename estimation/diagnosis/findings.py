@@ -25,6 +25,7 @@ from .separation import measurable, separating
 from .shares import Sizes
 from .verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
 
+AS_MUCH = 0.9  # of the gain of the best by its score: a fit that did not come to rest says nothing against what explains as much by its own
 SENSORS = 3  # that are named of those that would tell where an unknown force acts
 
 Judged = tuple[Candidate, Screened | None, Fitted]
@@ -50,7 +51,10 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         if d.key == c.key:
             continue
         gap = float(f.gain - g.gain)
-        if d in same or (gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0)):
+        if _left_open(best, (d, there, g)):
+            rivals.append(explained(d, None))
+            near.append(there)
+        elif d in same or (gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0)):
             rivals.append(explained(d, g.result, max(gap, 0.0) if d in same else gap))
             near.append(None if d in same else there)
         elif np.isfinite(gap):
@@ -73,6 +77,14 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         rivals=tuple(rivals),
         separates=_separates(base, best, near),
     )
+
+
+def _left_open(best: Judged, other: Judged) -> bool:
+    """Whether nothing speaks against another candidate: its fit did not come to rest, and by the scores it explains as much."""
+    (c, s, _), (d, there, g) = best, other
+    if s is None or there is None or np.isfinite(g.gain):
+        return False
+    return d.size <= c.size and there.gain >= AS_MUCH * s.gain
 
 
 def fitted_strengths(c: Candidate, result: Smoothing) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

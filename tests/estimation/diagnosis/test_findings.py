@@ -7,11 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from concealed_axis import posed, run
 
-from backsight.estimation import Problem, Recording
+from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.findings import finding, nameless, verdict
-from backsight.estimation.diagnosis.refit import Fitted
+from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.refit import Fitted, fitted
+from backsight.estimation.diagnosis.score import Linearised
+from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.shares import Sizes
+from backsight.estimation.diagnosis.supermodel import looked_at
 from backsight.estimation.results import ParameterEstimate, ResidualSummary
 from backsight.models.plants import PLANTS
 
@@ -66,3 +72,26 @@ def test_two_parameters_of_one_component_may_be_wrong_and_each_is_named(lacks, t
     assert found.explanation.words == "wrong parameter gear.ratio"
     assert [e.words for e in found.rivals] == ["wrong parameter gear.J"] * (not told)
     assert [e.words for e in found.alternatives] == ["wrong parameter gear.J"] * told
+
+
+@pytest.mark.parametrize(("share", "open_"), [(0.95, True), (0.5, False)])
+def test_a_fit_that_did_not_come_to_rest_says_nothing_against_what_explains_as_much(share, open_):
+    """A damping that is wrong, and a sensor's gain of which no fit arrived: by its score it gains this share of as much."""
+    made = run(2.0, 2e-3, f_c=20.0, d=200.0)
+    problem = posed(made, W={}, friction__d=190.0, friction__f_c=Free(15.0, min=0.0))
+    result = smooth(problem)
+    base = Linearised(result.solution)
+    physics = ("wrong_parameter", "sensor_gain")
+    wanted = [c for c in library(problem, problem.model, base.solution) if c.physics in physics and c.strengths != ("carriage.m",)]
+    found = screen(base, looked_at(problem, problem.model, base, wanted))
+    damping, gain = (next(s for s in found.found if s.candidate.physics == word) for word in physics)
+    fit = fitted(problem, problem.model, base.solution, damping.candidate, {"friction.d": 200.0})
+    best = damping.candidate, damping, replace(fit, gain=100.0)
+    lost = (
+        gain.candidate,
+        replace(gain, gain=share * damping.gain),
+        Fitted(candidate=gain.candidate, failed="Stopped at its limit of time."),
+    )
+    told = finding(base, best, [best, lost], replace(found, found=(damping,)), Sizes(problem, result, base))
+    assert [r.words for r in told.rivals] == ["sensor gain at sensor:x"] * open_
+    assert told.alternatives == ()
