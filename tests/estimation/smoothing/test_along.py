@@ -100,8 +100,9 @@ def test_a_belt_behind_a_wheel_bears_what_it_is_stretched_and_not_its_stiffness_
         outputs={"phi": "encoder.phi", "s": "scale.s"},
     )  # fmt: skip
     problem = Problem(model=model, recordings=[recording])
-    sizes = forces(problem, follow_closely(problem, output_stds(problem)[0], None), problem.values, borne=True)
-    assert list(sizes.values()) == pytest.approx([r * k * far / np.sqrt(2), k * far / np.sqrt(2)], rel=0.01)
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    for sizes in (forces(problem, followed, problem.values, borne=True), forces(problem, followed, problem.values, net=True)):
+        assert list(sizes.values()) == pytest.approx([r * k * far / np.sqrt(2), k * far / np.sqrt(2)], rel=0.01)
 
 
 def test_net_forces_are_without_those_that_cancel():
