@@ -196,7 +196,7 @@ def fitted(
             again = smoothing(settled(weighed, result), settings=wider, begin=there)
             again = _gone_on(weighed, again, wider, 1)
             result = again if again.solver.converged else result
-    except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
+    except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=True)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)

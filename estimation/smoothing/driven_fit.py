@@ -178,10 +178,12 @@ def _beginning(instants: Array, along: tuple[Array, ...], least: int) -> tuple[A
 def fitted(problem: Problem, rows: dict[int, int], followed: Followed, start: Array, starts: int = 1) -> tuple[Array, float]:
     """Parameters (np_all,) with which the unseen balances what is seen, and the largest share of its forces a balance then leaves over.
 
-    Free parameters are held near their guesses by their std. Where the unseen has no finite answer: start itself, and 1. starts: at most,
-    within a factor of `start`, until what is left of the known forces is GOOD; the least counts.
+    Free parameters are held near their guesses by their std. Where the unseen has no finite answer, or nothing seen has a balance: start
+    itself, and 1. starts: at most, within a factor of `start`, until what is left of the known forces is GOOD; the least counts.
     """
     seen, rng = Seen(problem, Driven(problem.dae, rows, problem.free), followed, start), np.random.default_rng(0)
+    if not seen.rows:
+        return start, 1.0
     first = _fitted_from(seen, start)
     if starts == 1:
         return first

@@ -108,11 +108,11 @@ def sought(
 ) -> tuple[Followed, Array] | None:
     """The followed trajectories with the unseen states driven by them, at the parameters (np_all,) that balance what is seen best.
 
-    None where no friction law can hold what is unseen, or where that has no balances to itself: the others are found without (`complete`);
-    and where no try of the search ends anywhere. Free parameters have a std about their guesses; where none is only the start is sought.
+    None where no friction law can hold what is unseen, where that has no balances to itself, or all of them (a lag hides every body): the
+    others are found without (`complete`); and where no try of the search ends anywhere. Free parameters have a std about their guesses; where none is only the start is sought.
     """
     part = sticking(problem, laws)
-    if part is None:
+    if part is None or not Seen(problem, part, followed, start).rows:
         return None
     alone = left_alone(problem, laws)
     begun = rounded(problem, alone, simulated(part, followed, start), start, ROUNDING)

@@ -284,6 +284,38 @@ def test_only_a_body_that_a_law_may_hold_is_searched_for():
     assert sought(problem, followed, (), problem.values, lambda _: None) is None
 
 
+def test_nothing_is_searched_for_where_a_lag_hides_every_body():
+    """An encoder that lags shows no body at once: no balance of what is seen is left to fit anything to."""
+    t, J, tau, omega, swing = np.linspace(0.0, 3.0, 601), 0.01, 0.02, 6.0, 0.5
+    turned = swing / np.hypot(1.0, omega * tau) * np.sin(omega * t - np.arctan(omega * tau))
+    given = {"tau": -J * swing * omega**2 * np.sin(omega * t)}
+    recording = Recording(name="swing", time=t, inputs=given, outputs={"phi": turned}, output_std={"phi": 1e-5}, hold="linear")
+    model = Model(
+        name="lagging",
+        components={
+            "source": Torque(), "rotor": Inertia(J=J), "bearing": RotationalFriction(tau_c=0.01), "housing": RotationalFixed(),
+            "encoder": AngleSensor(), "lag": Lag(tau=tau),
+        },
+        connections=[
+            ("source.flange", "rotor.flange"), ("rotor.flange", "bearing.flange_a"), ("bearing.flange_b", "housing.flange"),
+            ("rotor.flange", "encoder.flange"), ("encoder.phi", "lag.u"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "lag.y"},
+    )  # fmt: skip
+    parameters = {"bearing.tau_c": Free(0.01, min=0.0, std=0.01), "rotor.J": Free(1.5 * J, min=1e-4)}
+    problem = Problem(model=model, recordings=[recording], parameters=parameters)
+    followed = follow_closely(problem, output_stds(problem)[0], None)
+    assert len(unseen_states(problem)) == 2
+    assert sought(problem, followed, friction_laws(problem), problem.values, lambda _: None) is None
+    rows = own_rows(problem.dae, set(unseen_states(problem)))
+    assert fitted(problem, rows, followed, problem.values)[1] == 1.0
+    result = smooth(problem)
+    assert result.solver.converged
+    assert result.value("rotor.J") == pytest.approx(J, rel=0.02)
+    assert result.value("bearing.tau_c") < 2e-3
+
+
 @pytest.mark.slow
 def test_a_string_that_sticks_and_slips_is_smoothed_from_guesses_of_all_its_parameters():
     """Nothing tells the torque of the string here: the inertia of the table is a guess too."""
