@@ -38,9 +38,9 @@ def forces(
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
-    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: of parameters no angles,
-    no numbers and no lengths: the thrusts of four rotors, times how these are turned, leave next to nothing that turns the body, and a
-    stiff spring's force is not its stiffness times its length.
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: of parameters no
+    angles, no numbers and no lengths: the thrusts of four rotors, times how these are turned, leave next to nothing that turns the body,
+    and a stiff spring's force is not its stiffness times its length.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]

@@ -109,7 +109,8 @@ def sought(
     """The followed trajectories with the unseen states driven by them, at the parameters (np_all,) that balance what is seen best.
 
     None where no friction law can hold what is unseen, where that has no balances to itself, or all of them (a lag hides every body): the
-    others are found without (`complete`); and where no try of the search ends anywhere. Free parameters have a std about their guesses; where none is only the start is sought.
+    others are found without (`complete`); and where no try of the search ends anywhere. Free parameters have a std about their guesses;
+    where none is only the start is sought.
     """
     part = sticking(problem, laws)
     if part is None or not Seen(problem, part, followed, start).rows:
