@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..study.study import Study
 from ..workers import check_workers
-from .diagnosis_json import result_of_diagnosis
+from .diagnosis_json import repaired_code, result_of_diagnosis
 from .interrupt import check, kept
-from .output import json_text, results_folder, write_estimates, write_result
+from .output import REPAIRED, json_text, results_folder, write_estimates, write_result
 from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking, result_of_weighing
 from .terminal import console, diagnosis_table, parameter_table, simulation_table, tracking_table, weight_table
 
@@ -152,7 +152,10 @@ def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int
         problem = replace(study.problem(), model=study.model)
         found: Diagnosis = diagnose(problem, jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
         say("writing the report")
-        result = result_of_diagnosis(found) | {"command": command}
+        code = repaired_code(found)
+        result = result_of_diagnosis(found) | {"command": command, "repaired_model": REPAIRED if code else None}
+        if code:
+            (folder / REPAIRED).write_text(code, encoding="utf-8")
         write_result(result, folder / "result.json")
         write_estimates(found.after.estimates, folder / "estimates.csv")
         write_diagnosis_report(found, folder / "report.html")

@@ -31,6 +31,24 @@ def result_of_diagnosis(found: Diagnosis) -> dict[str, Any]:
     }
 
 
+def repaired_code(found: Diagnosis) -> str | None:
+    """The repaired model as a Python file, for a study, a simulation or an export.
+
+    None where nothing that has a name was found, and where a component is of a class of the user's own, which it could not import.
+    """
+    from backsight.models.errors import ModelError
+    from backsight.models.exchange import python_code
+
+    from ..diagnosis.words import UNKNOWN, sentence
+
+    if all(f.explanation.physics == UNKNOWN for f in found.findings):
+        return None
+    try:
+        return python_code(found.model, said=sentence(found))
+    except ModelError:
+        return None
+
+
 def _finding(f: Finding) -> dict[str, Any]:
     from ..diagnosis.words import when
 

@@ -19,7 +19,8 @@ from .interrupt import check, held, written
 if TYPE_CHECKING:
     import pandas as pd
 
-FILES = ("result.json", "estimates.csv", "report.html")
+REPAIRED = "repaired_model.py"
+FILES = ("result.json", "estimates.csv", "report.html", REPAIRED)
 
 
 @contextmanager

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from .repaired import as_declared
+
 if TYPE_CHECKING:
+    from backsight.models import Model
+
     from ..problem import Problem
     from ..results import Smoothing
 
@@ -168,7 +172,8 @@ class HeldOut:
 class Diagnosis:
     """The answer. before: the model as declared, smoothed; after: with the findings in it (the same where there are none).
 
-    tried: every candidate, best first. mismatch: the residual forces before and after the repair. seed: as it was given.
+    tried: every candidate, best first. mismatch: the residual forces before and after the repair. seed: as it was given. repaired: the
+    problem with the findings in its model; `model` has the numbers that were found, too.
     """
 
     verdict: Class
@@ -183,3 +188,8 @@ class Diagnosis:
     seconds: float = 0.0
     seed: int = 0
     notes: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model with the findings in it and all parameters as they were estimated: to simulate, to write as code, to export."""
+        return as_declared(self.repaired.model, {name: p.value for name, p in self.after.parameters.items()})

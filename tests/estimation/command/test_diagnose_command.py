@@ -102,6 +102,28 @@ def test_the_verdict_is_written_with_its_findings_its_proof_and_its_limits(study
     assert not (study.parent / ".axis_diagnosed.parts").exists()
 
 
+def test_the_repaired_model_is_a_file_that_a_study_names_as_its_model(study, search, capsys):
+    assert main(["diagnose", str(study), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    file = study.parent / "axis_diagnosed" / printed["repaired_model"]
+    assert "leaves out coulomb friction at carriage" in " ".join(file.read_text(encoding="utf-8").split())
+    lines = [line for line in STUDY.splitlines() if not line.startswith('"')]
+    again = study.parent / "again.toml"
+    again.write_text("\n".join(["model = 'axis_diagnosed/repaired_model.py:actuator'" if "model" in line else line for line in lines]))
+    assert main(["simulate", str(again), "--json"]) == 0
+    simulated = json.loads(capsys.readouterr().out)["parameters"]
+    told = {name: p["value"] for name, p in printed["parameters"].items() if name in simulated and not p["fixed"]}
+    assert "friction.f_c" in told
+    assert {name: simulated[name]["value"] for name in told} == told
+
+
+def test_where_nothing_was_found_there_is_no_repaired_model(study, search, capsys):
+    search.found = replace(search.found, verdict="none", findings=())
+    assert main(["diagnose", str(study), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["repaired_model"] is None
+    assert not (study.parent / "axis_diagnosed" / "repaired_model.py").exists()
+
+
 def test_the_terminal_has_the_verdict_first(study, search, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     assert main(["diagnose", str(study)]) == 0

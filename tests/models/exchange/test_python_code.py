@@ -1,0 +1,66 @@
+"""A model written as a Python file, read back by Python itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from backsight.models import Component, Model, ModelError, Output, Parameter
+from backsight.models.exchange import python_code
+from backsight.models.exchange.python_code import function
+from backsight.models.mechanics.translational import Fixed, Force, Friction, Mass, PositionSensor, StribeckFriction
+from backsight.models.plants import PLANTS
+from backsight.models.signals import Lag
+
+
+def read(code: str, model: Model) -> Model:
+    there: dict = {}
+    exec(compile(code, "model.py", "exec"), there)
+    return there[function(model)]()
+
+
+@pytest.mark.parametrize("name", sorted(PLANTS))
+def test_every_plant_comes_back_equal(name):
+    model = PLANTS[name]()
+    assert read(python_code(model), model) == model
+
+
+def test_what_was_edited_comes_back_too_with_every_digit():
+    model = PLANTS["actuator"]().insert("input:F", Lag(tau=0.1 + 0.2), "slow").insert("carriage", StribeckFriction(f_s=1 / 3), "sticking")
+    model = model.since("sticking.f_s", 3.2, 0.1).with_values(carriage={"m": 1e-300})
+    back = read(python_code(model), model)
+    assert back == model
+    assert back.components["slow"].parameters["tau"] == 0.1 + 0.2
+    assert dict(back.onsets) == {"sticking.f_s": (3.2, 0.1)}
+
+
+def test_names_that_are_no_identifiers_noise_and_parameters_of_the_model_come_back():
+    model = Model(
+        name="2 masses, \'soft\'",
+        components={"force": Force(), "a": Mass(m=2.0), "friction": Friction(d=1.0, f_c=0.0), "ground": Fixed(), "scale": PositionSensor()},
+        connections=[("force.flange", "a.flange"), ("a.flange", "friction.flange_a"), ("friction.flange_b", "ground.flange"),
+                     ("scale.flange", "a.flange")],
+        inputs={"F": "force.f"},
+        outputs={"x": Output("scale.s", noise_std=1e-6)},
+        parameters={"all.m": Parameter("kg", 2.5, min=0.0, description="of both")},
+        bindings={"a.m": "all.m"},
+        start={"a.s": 0.1},
+    )  # fmt: skip
+    assert function(model) == "_2_masses___soft_"
+    back = read(python_code(model, said='What a study found: C:\\\\new """ ' + 40 * "and more "), model)
+    assert back == model
+    assert back.measured["x"].noise_std == 1e-6
+
+
+def test_a_component_of_a_users_own_is_named():
+    class Own(Component):
+        k = Parameter("1", 1.0)
+
+    model = PLANTS["actuator"]()
+    with pytest.raises(ModelError, match="component 'own' of 'actuator' is a Own"):
+        python_code(Model(name=model.name, components={**model.components, "own": Own()}, connections=model.connections))
+
+
+def test_the_file_is_written_as_the_house_writes(tmp_path: Path):
+    assert python_code(PLANTS["xy_table"]()).startswith('"""The model xy_table."""\n\nfrom backsight.models import ')
