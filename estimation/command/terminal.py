@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.markup import escape
 from rich.table import Table
 
@@ -59,23 +59,23 @@ def tracking_table(answer: Tracking) -> Table:
     return table
 
 
-def weight_table(found: Weighing) -> Table:
+def weight_table(found: Weighing) -> Group:
     """Every weight from the data with its 95 % interval and the chance of what is seen without it, and the recommended one."""
-    table = Table(title=f"{found.recommended.model}: {escape(found.why)}", title_justify="left", box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False)
     for heading in ("weight", "recommended std", "std from the data", "95 %", "p without"):
         table.add_column(heading)
     for label, c in found.components.items():
         low, high = c.interval
         between = "" if not (isfinite(low) and isfinite(high)) else f"up to {high:.3g}" if c.may_be_none else f"{low:.3g} .. {high:.3g}"
         table.add_row(escape(label), f"{found.best.weights[label]:.4g} {c.unit}", f"{c.std:.4g}", between, chance(c.p_zero))
-    return table
+    return Group(f"{found.recommended.model}: {escape(found.why)}", table)
 
 
-def diagnosis_table(found: Diagnosis) -> Table:
+def diagnosis_table(found: Diagnosis) -> Group:
     """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, and the proof."""
     from ..diagnosis.words import numbers, sentence, when
 
-    table = Table(title=f"{found.after.model}: {escape(sentence(found))}", title_justify="left", box=None, pad_edge=False)
+    said, table = f"{found.after.model}: {escape(sentence(found))}", Table(box=None, pad_edge=False)
     for heading in ("finding", "", "when", "p"):
         table.add_column(heading)
     for f in found.findings:
@@ -88,7 +88,7 @@ def diagnosis_table(found: Diagnosis) -> Table:
         for name, errors in held.before.items():
             spans = ", ".join(f"{rms:.3g} to {held.after[name].windows[s]:.3g} over {s:.3g} s" for s, rms in errors.windows.items())
             table.add_row(escape(f"held out: error of {name} [{errors.unit}]"), spans)
-    return table
+    return Group(said, table) if table.row_count else Group(said)
 
 
 def simulation_table(answer: Simulation) -> Table:
