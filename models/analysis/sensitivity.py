@@ -27,13 +27,8 @@ from ..simulation.radau import STAGES, tableau
 Array = NDArray[np.float64]
 STEPS = 60
 ROOM = 3.0  # sizes of a state (nominal or start value) that the experiment may move it
-SPREAD = (
-    0.3,
-    0.1,
-    0.03,
-    3e-3,
-    3e-4,
-)  # of the start from the start values, and of the parameters from theirs: smaller where the larger fails
+# of the start from the start values, and of the parameters from theirs: smaller where the larger fails, as a stiff spring's does
+SPREAD = (0.3, 0.1, 0.03, 3e-3, 3e-4)
 RESOLUTION = 0.3  # shortest and longest steps over the fastest and slowest time constants
 CANCELLED = 1e-12  # of the sum of magnitudes: what is left of terms that cancel
 SCALES = 1e4  # most decades between them
