@@ -301,8 +301,8 @@ def _on_the_answer(problem: Problem, run: Run, bounds: OnBounds | None) -> list[
         )
     if run.checked.unchecked:
         found.append(
-            f"How far the mesh itself moves the answer was not measured ({run.checked.unchecked}), and its balances leave out enough to "
-            "ask. It could be for a shorter range of the recording."
+            f"By how much smaller time steps would move the answer was not measured ({run.checked.unchecked}), though the forces vary from "
+            "step to step by enough to ask. For a shorter range of the recording it can be."
         )
     for name, error in run.checked.error.items():
         if error > allowed(solution, name):
