@@ -1,0 +1,83 @@
+"""A machine of a user's own: a motor moves a slide by a stiff belt, with an encoder at either end. Simulated here, in steps of 20 us."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
+from backsight.models import Model
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, RotationalDamper, RotationalFixed, Torque
+from backsight.models.mechanics.translational import Damper, Fixed, Mass, PositionSensor, SpringDamper
+
+J, B, R, K, D, M, D_S = 1.2e-3, 2e-3, 0.0159155, 2.2e5, 150.0, 6.0, 25.0
+STEP, SAMPLE = 2e-5, 1e-3
+
+
+def machine() -> Model:
+    return Model(
+        name="belt_slide",
+        components={
+            "source": Torque(), "motor": Inertia(J=1e-3), "bearing": RotationalDamper(d=1e-3), "housing": RotationalFixed(),
+            "pulley": Rack(r=R), "belt": SpringDamper(k=2e5, d=150.0), "slide": Mass(m=5.0), "guide": Damper(d=20.0), "bed": Fixed(),
+            "encoder": AngleSensor(), "scale": PositionSensor(),
+        },
+        connections=[
+            ("source.flange", "motor.flange"), ("motor.flange", "bearing.flange_a"), ("bearing.flange_b", "housing.flange"),
+            ("motor.flange", "pulley.wheel"), ("pulley.rack", "belt.flange_a"), ("belt.flange_b", "slide.flange"),
+            ("slide.flange", "guide.flange_a"), ("guide.flange_b", "bed.flange"), ("encoder.flange", "motor.flange"),
+            ("scale.flange", "slide.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi", "s": "scale.s"},
+    )  # fmt: skip
+
+
+def recorded(friction: float, seed: int, role: str) -> Recording:
+    """Two seconds of a controlled motion to and fro; Coulomb friction [N] at the slide, as an impulse that no step exceeds."""
+    rng, per = np.random.default_rng(seed), round(SAMPLE / STEP)
+    rates, sizes = rng.uniform(0.5, 3.0, 3), rng.uniform(0.01, 0.04, 3)
+    phi = omega = s = v = 0.0
+    rows = []
+    for k in range(2000):
+        wanted = float(np.sum(sizes * (1.0 - np.cos(2 * np.pi * rates * k * SAMPLE))))
+        torque = 6.0 * (wanted / R - phi) - 0.06 * omega
+        rows.append((torque, phi, s))
+        for _ in range(per):
+            force = K * (R * phi - s) + D * (R * omega - v)
+            omega += STEP * (torque - B * omega - R * force) / J
+            v += STEP * (force - D_S * v) / M
+            v -= float(np.clip(v, -friction * STEP / M, friction * STEP / M))
+            phi, s = phi + STEP * omega, s + STEP * v
+    given, turned, moved = np.array(rows).T
+    counts, fine = 2 * np.pi / 8192, 5e-6
+    outputs = {
+        "phi": np.round(turned / counts) * counts,
+        "s": np.round((moved + 4e-6 * rng.standard_normal(len(moved))) / fine) * fine,
+    }
+    return Recording(name=role, role=role, time=np.arange(2000) * SAMPLE, inputs={"tau": given}, outputs=outputs)
+
+
+def diagnosed(friction: float) -> Diagnosis:
+    positive = {"motor.J": 8e-4, "bearing.d": 1e-3, "belt.k": 1e5, "belt.d": 100.0, "slide.m": 4.0, "guide.d": 10.0}
+    free = {name: Free(guess, min=1e-6) for name, guess in positive.items()}
+    recordings = [recorded(friction, 1, "fit"), recorded(friction, 2, "held_out")]
+    return diagnose(Problem(model=machine(), recordings=recordings, parameters=free))
+
+
+@pytest.mark.slow
+def test_friction_behind_a_stiff_belt_is_found_though_the_belts_stiffness_times_its_way_is_a_thousand_times_as_much():
+    found = diagnosed(7.0)
+    (finding,) = found.findings
+    assert (finding.explanation.place, finding.explanation.physics) == ("slide", "coulomb_friction")
+    strength = finding.explanation.parameters["f_c"]
+    assert strength.value == pytest.approx(7.0, rel=0.02)
+    assert found.held_out is not None
+    assert found.held_out.improvement_percent > 80
+    assert found.held_out.p_value < 0.05
+    assert found.model.components["slide"].parameters["m"] == pytest.approx(M, rel=0.02)
+
+
+@pytest.mark.slow
+def test_the_same_machine_is_silent_where_nothing_is_missing():
+    assert diagnosed(0.0).verdict == "none"
