@@ -1,7 +1,8 @@
 """The library of couplings that were thought to be rigid or without play: compliance, backlash, a second section of a string.
 
 They bring states of their own, so no score tells of them: they are fitted, from a few stiffnesses. A coupling with a body on one side only
-gets one on the other: a part of what was thought to be one mass. A sensor at a coupling may sit on either side of it.
+gets one on the other: a part of what was thought to be one mass. A sensor at a coupling may sit on either side of it. A gear or a pulley
+between two bodies that stands in the model without any coupling gets one behind it.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from functools import partial
 import numpy as np
 
 from backsight.models import Model
+from backsight.models.connectors import Translational
 from backsight.models.language import Component
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Exchange, Rebuild
 from .laws import Motion
-from .places import Spot, grounds, neighbours, own_name, sensors
+from .places import Spot, free_name, grounds, neighbours, own_name, sensors
 
 RIGID = (sliding.Rigid, turning.RotationalRigid)
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
@@ -102,6 +104,43 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
             play = _of_transmission(place, "backlash", loose, start, {"gap": f"{spot.name}.gap", "k": f"{spot.name}.k"})
             found.append(replace(play, later={f"{spot.name}.d": (d, 0.0, d * 1e4)}, rounded=_corners(spot)))
     return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Behind:
+    """An edit: a coupling behind a flange of what passes a motion on as it is, a gear or a pulley, where the model has none."""
+
+    flange: str
+    coupling: str
+    component: Component
+
+    def __call__(self, model: Model) -> Model:
+        first, second = (f"{self.coupling}.{f}" for f in self.component.declared_connectors)
+        moved = tuple((second if a == self.flange else a, second if b == self.flange else b) for a, b in model.connections)
+        parts = {**model.components, self.coupling: self.component}
+        return replace(model, components=parts, connections=(*moved, (self.flange, first)))
+
+
+def of_ideal(model: Model, name: str, motion: Callable[[str], Motion | None], masses: dict[str, float]) -> list[Candidate]:
+    """Compliance and play behind a gear or a pulley between two bodies, where the model has no coupling.
+
+    motion: of a body, by its name.
+    """
+    component = model.components[name]
+    first, second = (f"{name}.{f}" for f in component.declared_connectors)
+    kind = type(component.declared_connectors[second.partition(".")[2]])
+    slides = kind is Translational
+    word = WORDS["translational" if slides else "rotational"]
+    there = [n for n in neighbours(model, second) if isinstance(model.components[n], (*RIGID, *SOFT, turning.TorsionString))]
+    behind = bodies_behind(model, name, second, word)
+    if there or not behind or not bodies_behind(model, name, first, "J") or (moved := motion(behind[0])) is None:
+        return []
+    own = free_name(model, f"{name}_coupling")
+    rigid: Component = sliding.Rigid() if slides else turning.RotationalRigid()
+    edit = Behind(flange=second, coupling=own, component=rigid)
+    put = Rebuild(edit=edit, said=f"{own} = {type(rigid).__name__}() behind {name}")
+    spot = Spot(name=own, kind="translational" if slides else "rotational", flanges=tuple(rigid.declared_connectors))
+    return [replace(c, place=name, edits=(put, *c.edits)) for c in of_coupling(edit(model), spot, moved, masses)]
 
 
 def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], values: dict[str, float]) -> list[Candidate]:

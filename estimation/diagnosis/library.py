@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from backsight.models import Dae, Model
-from backsight.models.mechanics.rotational import EccentricRack, Rack
+from backsight.models.mechanics.rotational import EccentricRack, Gear, Rack
 from backsight.models.mechanics.spatial import RigidBody
 from backsight.ocp import Horizon, Solution
 
@@ -22,7 +22,7 @@ from ..smoothing.rest import friction_laws, rounding
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate, Exchange
 from .channels import OFF_CENTRE, of_alike, of_input, of_sensor
-from .couplings import of_coupling, of_soft
+from .couplings import of_coupling, of_ideal, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, of_law
 from .loads import of_loads
@@ -58,6 +58,10 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN]
             found += of_coupling(model, spot, motion, masses) + of_soft(model, spot, motion, masses, values)
+    spots = {spot.name: spot for spot in bodies(model)}
+    for name, component in model.components.items():
+        if isinstance(component, (Gear, Rack)):
+            found += of_ideal(model, name, lambda body: motions.of(spots[body]) if body in spots else None, masses)
     found += _kinematic(model, values) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))

@@ -1,0 +1,95 @@
+"""An arm behind a gear that was declared as rigid, with no coupling in the model; simulated here, in steps of 10 us."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation import Free, Problem, Recording, diagnose
+from backsight.estimation.diagnosis.couplings import of_ideal
+from backsight.estimation.diagnosis.laws import Motion
+from backsight.models import Model, compile_model
+from backsight.models.analysis.linearise import linearise
+from backsight.models.mechanics.rotational import AngleSensor, Gear, Inertia, RotationalDamper, RotationalFixed, Torque
+from backsight.models.plants import PLANTS
+
+J_MOTOR, J_ARM, RATIO, D_ARM = 4e-6, 6e-3, 40.0, 0.05
+MOTION = Motion(v_rms=2.0, low=-0.5, high=0.5)
+STEP, PER = 1e-5, 100
+
+
+def machine() -> Model:
+    return Model(
+        name="geared",
+        components={
+            "source": Torque(), "rotor": Inertia(J=J_MOTOR), "gear": Gear(ratio=RATIO), "arm": Inertia(J=5e-3),
+            "bearing": RotationalDamper(d=0.02), "housing": RotationalFixed(), "encoder": AngleSensor(),
+        },
+        connections=[
+            ("source.flange", "rotor.flange"), ("rotor.flange", "gear.flange_a"), ("gear.flange_b", "arm.flange"),
+            ("arm.flange", "bearing.flange_a"), ("bearing.flange_b", "housing.flange"), ("rotor.flange", "encoder.flange"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"phi": "encoder.phi"},
+    )  # fmt: skip
+
+
+def recorded(k: float, d: float, seed: int, role: str) -> Recording:
+    """A multisine torque for two seconds; the teeth give way by their torque over k [N.m/rad]."""
+    rng = np.random.default_rng(seed)
+    rates, sizes, phases = rng.uniform(0.4, 9.0, 5), rng.uniform(0.001, 0.003, 5), rng.uniform(0, 6, 5)
+    phi = omega = theta = turning = 0.0
+    rows = []
+    for n in range(2000):
+        torque = float(np.sum(sizes * np.sin(2 * np.pi * rates * n * 1e-3 + phases)))
+        rows.append((torque, phi))
+        for _ in range(PER):
+            between = k * (phi / RATIO - theta) + d * (omega / RATIO - turning)
+            omega += STEP * (torque - between / RATIO) / J_MOTOR
+            turning += STEP * (between - D_ARM * turning) / J_ARM
+            phi, theta = phi + STEP * omega, theta + STEP * turning
+    given, turned = np.array(rows).T
+    counts = 2 * np.pi / 4000
+    return Recording(
+        name=role, role=role, time=np.arange(2000) * 1e-3, inputs={"tau": given}, outputs={"phi": np.round(turned / counts) * counts}
+    )
+
+
+def test_a_gear_between_two_bodies_may_be_soft_or_loose_where_nothing_behind_it_is_yet():
+    found = of_ideal(machine(), "gear", lambda _: MOTION, {"rotor": J_MOTOR, "arm": 5e-3})
+    assert {(c.place, c.physics, c.family) for c in found} == {("gear", "compliance", "transmission"), ("gear", "backlash", "transmission")}
+    for c in found:
+        states = {q.name for q in compile_model(c.edited(machine())).states}
+        assert len(states) == 4  # an angle and a speed more than the two of the rigid machine
+    rigid = of_ideal(found[0].edited(machine()), "gear", lambda _: MOTION, {"rotor": J_MOTOR, "arm": 5e-3})
+    assert rigid == []  # there is one now
+
+
+def test_the_gears_of_the_plants_have_couplings_behind_them_or_no_body_before_them():
+    for make in PLANTS.values():
+        model = make()
+        for name, component in model.components.items():
+            if isinstance(component, Gear):
+                assert of_ideal(model, name, lambda _: MOTION, dict.fromkeys(model.components, 1.0)) == []
+
+
+def test_a_soft_gear_resonates_where_its_guess_says():
+    """Between 8 and 30 Hz, with the motor's inertia seen from the arm."""
+    c = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, {"rotor": J_MOTOR, "arm": 5e-3}) if c.physics == "compliance")
+    k = c.start["gear_coupling.k"][0]
+    dae = compile_model(c.edited(machine()))
+    x0 = {q.name: 0.0 for q in dae.states}
+    found = np.abs(np.linalg.eigvals(linearise(dae, x0, {"tau": 0.0}).A).imag).max()
+    assert found == pytest.approx(np.sqrt(k * (1 / (J_MOTOR * RATIO**2) + 1 / 5e-3)), rel=0.01)
+
+
+@pytest.mark.slow
+def test_teeth_that_give_way_are_found():
+    k, d = 60.0, 0.05
+    free = {"arm.J": Free(5e-3, min=1e-5), "bearing.d": Free(0.03, min=0.0)}
+    found = diagnose(Problem(model=machine(), recordings=[recorded(k, d, 1, "fit"), recorded(k, d, 2, "held_out")], parameters=free))
+    first = found.findings[0].explanation
+    assert (first.place, first.physics) == ("gear", "compliance")
+    assert first.parameters["k"].value == pytest.approx(k, rel=0.03)
+    assert found.held_out is not None
+    assert found.held_out.improvement_percent > 50
