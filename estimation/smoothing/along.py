@@ -16,7 +16,8 @@ from backsight.ocp.polynomials import Array
 from ..problem import Problem
 
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
-GEOMETRY = {"m", "rad", "1"}  # units of what says where a force acts, how it is turned, or which part of it acts; others say how strong
+DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
+GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -38,9 +39,8 @@ def forces(
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
-    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: of parameters no
-    angles, no numbers and no lengths: the thrusts of four rotors, times how these are turned, leave next to nothing that turns the body,
-    and a stiff spring's force is not its stiffness times its length.
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: neither do angles and
+    numbers, wherever they stand: the thrusts of four rotors, times how these are turned, leave next to nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -63,13 +63,13 @@ def forces(
 
 
 def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
-    """The parameters; borne: without the lengths and ratios that enter F times positions; net: without any."""
+    """The parameters; borne: without the lengths and ratios that enter F times positions; net: those, and all directions."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
 
     def geometric(i: int, unit: str) -> bool:
-        if net and unit in GEOMETRY:
+        if net and unit in DIRECTIONS:
             return True
-        return borne and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions))
+        return (borne or net) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 
