@@ -39,8 +39,9 @@ def forces(
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
-    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: neither do angles and
-    numbers, wherever they stand: the thrusts of four rotors, times how these are turned, leave next to nothing that turns the body.
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: of lengths those of
+    which this goes for a machine at rest, and no angles and no numbers: the thrusts of four rotors, times how these are turned, leave next
+    to nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -63,13 +64,16 @@ def forces(
 
 
 def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
-    """The parameters; borne: without the lengths and ratios that enter F times positions; net: those, and all directions."""
-    positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
+    """The parameters; borne: without the lengths and ratios that enter F times positions; net: at rest, and no directions."""
+    where = {i for i, _, _ in dae.kinematics}
+    positions = ca.vertcat(*(dae.x[i] for i in where))
+    moving = ca.vertcat(dae.dx, dae.z, dae.u, *(dae.x[i] for i in range(dae.x.shape[0]) if i not in where))
+    still = ca.substitute(F, moving, ca.SX.zeros(moving.shape[0])) if net else F
 
     def geometric(i: int, unit: str) -> bool:
         if net and unit in DIRECTIONS:
             return True
-        return (borne or net) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions))
+        return (borne or net) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(still, dae.p[i]), positions))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 
