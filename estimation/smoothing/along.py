@@ -18,6 +18,7 @@ from ..problem import Problem
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
 GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
+STIFFNESS = "N/m"
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -39,9 +40,9 @@ def forces(
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
-    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: of lengths those of
-    which this goes for a machine at rest, and no angles and no numbers: the thrusts of four rotors, times how these are turned, leave next
-    to nothing that turns the body.
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: neither do lengths
+    that a spring's stiffness multiplies, nor angles and numbers: the thrusts of four rotors, times how these are turned, leave next to
+    nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -64,16 +65,15 @@ def forces(
 
 
 def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
-    """The parameters; borne: without the lengths and ratios that enter F times positions; net: at rest, and no directions."""
-    where = {i for i, _, _ in dae.kinematics}
-    positions = ca.vertcat(*(dae.x[i] for i in where))
-    moving = ca.vertcat(dae.dx, dae.z, dae.u, *(dae.x[i] for i in range(dae.x.shape[0]) if i not in where))
-    still = ca.substitute(F, moving, ca.SX.zeros(moving.shape[0])) if net else F
+    """The parameters; borne: without the lengths and ratios that enter F times positions; net: without directions, and stretched lengths."""
+    positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
+    springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
 
     def geometric(i: int, unit: str) -> bool:
         if net and unit in DIRECTIONS:
             return True
-        return (borne or net) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(still, dae.p[i]), positions))
+        by = positions if borne else springs if net else ca.SX(0, 1)
+        return unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 
