@@ -65,7 +65,7 @@ def forces(
 
 
 def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
-    """The parameters; borne: without the lengths and ratios that enter F times positions; net: without directions, and stretched lengths."""
+    """The parameters; borne: without the lengths and ratios that enter F times positions; net: without directions, nor stretched ones."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
     springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
 
