@@ -7,7 +7,7 @@ between two bodies that stands in the model without any coupling gets one behind
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -116,7 +116,7 @@ class Behind:
 
     def __call__(self, model: Model) -> Model:
         first, second = (f"{self.coupling}.{f}" for f in self.component.declared_connectors)
-        moved = tuple((second if a == self.flange else a, second if b == self.flange else b) for a, b in model.connections)
+        moved = _rejoined(model, {self.flange: second})
         parts = {**model.components, self.coupling: self.component}
         return replace(model, components=parts, connections=(*moved, (self.flange, first)))
 
@@ -127,10 +127,10 @@ def of_ideal(model: Model, name: str, motion: Callable[[str], Motion | None], ma
     motion: of a body, by its name.
     """
     component = model.components[name]
-    first, second = (f"{name}.{f}" for f in component.declared_connectors)
-    kind = type(component.declared_connectors[second.partition(".")[2]])
-    slides = kind is Translational
-    word = WORDS["translational" if slides else "rotational"]
+    (first, _), (second, behind_it) = ((f"{name}.{f}", c) for f, c in component.declared_connectors.items())
+    slides = isinstance(behind_it, Translational)
+    kind = "translational" if slides else "rotational"
+    word = WORDS[kind]
     there = [n for n in neighbours(model, second) if isinstance(model.components[n], (*RIGID, *SOFT, turning.TorsionString))]
     behind = bodies_behind(model, name, second, word)
     if there or not behind or not bodies_behind(model, name, first, "J") or (moved := motion(behind[0])) is None:
@@ -139,7 +139,7 @@ def of_ideal(model: Model, name: str, motion: Callable[[str], Motion | None], ma
     rigid: Component = sliding.Rigid() if slides else turning.RotationalRigid()
     edit = Behind(flange=second, coupling=own, component=rigid)
     put = Rebuild(edit=edit, said=f"{own} = {type(rigid).__name__}() behind {name}")
-    spot = Spot(name=own, kind="translational" if slides else "rotational", flanges=tuple(rigid.declared_connectors))
+    spot = Spot(name=own, kind=kind, flanges=tuple(rigid.declared_connectors))
     return [replace(c, place=name, edits=(put, *c.edits)) for c in of_coupling(edit(model), spot, moved, masses)]
 
 
@@ -227,8 +227,7 @@ class Sectioned:
         mass = sliding.Mass(m=self.inertia) if slides else self._turning(old)
         (inner,) = (f for f in old.declared_connectors if f != self.flange)
         end, own = f"{self.coupling}.{self.flange}", f"{self.body}.{next(iter(mass.declared_connectors))}"
-        other = {end: f"{self.second}.{self.flange}"}
-        moved = tuple((other.get(a, a), other.get(b, b)) for a, b in model.connections)
+        moved = _rejoined(model, {end: f"{self.second}.{self.flange}"})
         return replace(
             model,
             components={**model.components, self.body: mass, self.second: old},
@@ -273,6 +272,11 @@ def _nearest(model: Model, element: str, end: str, wanted: set[str], passes: Cal
 def _sum(bodies: list[str], masses: dict[str, float]) -> float | None:
     """What their masses or inertias come to [kg or kg.m2]; None where that is nothing."""
     return sum(masses.get(n, 0.0) for n in bodies) or None
+
+
+def _rejoined(model: Model, others: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    """The connections with other ends in the place of some."""
+    return tuple((others.get(a, a), others.get(b, b)) for a, b in model.connections)
 
 
 def _moved(pair: tuple[str, str], sensor: str, flange: str) -> tuple[str, str]:

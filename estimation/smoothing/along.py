@@ -72,8 +72,8 @@ def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
     def geometric(i: int, unit: str) -> bool:
         if net and unit in DIRECTIONS:
             return True
-        by = positions if borne else springs if net else ca.SX(0, 1)
-        return unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
+        by = springs if net else positions
+        return (borne or net) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 
