@@ -43,7 +43,11 @@ Out = Annotated[
 ]
 Estimates = Annotated[
     Path | None,
-    typer.Option("--estimates", metavar="DIR", help="Results of smooth: its estimated parameters take the place of the study's."),
+    typer.Option(
+        "--estimates",
+        metavar="DIR",
+        help="Results of smooth or diagnose: the parameters estimated there, and the model repaired there, take the place of the study's.",
+    ),
 ]
 Profiles = Annotated[
     list[str] | None,

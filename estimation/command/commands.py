@@ -17,7 +17,14 @@ from ..workers import check_workers
 from .diagnosis_json import repaired_code, result_of_diagnosis
 from .interrupt import check, kept
 from .output import REPAIRED, json_text, results_folder, write_estimates, write_result
-from .result_json import estimated_parameters, result_of_simulation, result_of_smoothing, result_of_tracking, result_of_weighing
+from .result_json import (
+    estimated_parameters,
+    repaired_model,
+    result_of_simulation,
+    result_of_smoothing,
+    result_of_tracking,
+    result_of_weighing,
+)
 from .terminal import console, diagnosis_table, parameter_table, simulation_table, tracking_table, weight_table
 
 if TYPE_CHECKING:
@@ -52,11 +59,16 @@ def run_smooth(path: Path, options: Options, profiled: Sequence[str] = ()) -> in
 
 
 def run_simulate(path: Path, options: Options, estimates: Path | None = None) -> int:
-    """Simulate a study, with the parameters estimated in the results folder `estimates` where one is given."""
+    """Simulate a study, with the parameters estimated in the results folder `estimates` where one is given.
+
+    Of a diagnosis that found something it is the repaired model that is simulated.
+    """
     from ..report import write_simulation_report
     from ..simulation import simulate_study
 
     study = Study.read(path)
+    repaired = None if estimates is None else repaired_model(estimates, path.parent)
+    study = study if repaired is None else study.of(repaired)
     estimated = {} if estimates is None else estimated_parameters(estimates, study.dae)
     out = options.out or _named_after(path, "_simulated")
     with results_folder(out) as folder, _progress(options) as say:

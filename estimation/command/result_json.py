@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
@@ -144,6 +145,18 @@ def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
     if not found:
         raise InputError(f"--estimates {folder}: nothing was estimated there; smooth a study with a parameter that has a guess")
     return found
+
+
+def repaired_model(folder: Path, study: Path) -> str | None:
+    """The `model` of a study in the folder `study` that takes the repaired one of a diagnosis in `folder`; None where that has none."""
+    from backsight.models.exchange import function_name
+
+    try:
+        result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+        file, name = result["repaired_model"], result["model"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return None if file is None else f"{os.path.relpath(folder / file, study)}:{function_name(name)}"
 
 
 def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:

@@ -270,8 +270,9 @@ class Candidate:
         return self.said(declared[word].unit if word in declared else "", signals)
 
     def said(self, unit: str, signals: Mapping[str, str]) -> str:
-        """The unit of a parameter: that of the signal where a block leaves it to that."""
-        return unit or signals.get(self.place.partition(":")[2], "")
+        """The unit of a parameter: that of the signal where a block leaves it to that, and of a rate of it where it says "/s"."""
+        signal = signals.get(self.place.partition(":")[2], "")
+        return signal + unit if signal and unit.startswith("/") else unit or signal
 
     @property
     def sent(self) -> Candidate:

@@ -19,6 +19,7 @@ from backsight.models.errors import InputError, SolveError
 from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
+from ..smoothing.explaining import EXPLAINS_NOTHING
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
@@ -30,6 +31,7 @@ from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
 from .mismatch import mismatches
+from .misread import idle, lost, misread
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
 from .refit import HELD, PATIENT, QUICKLY, comparable
@@ -39,6 +41,7 @@ from .verdict import Diagnosis
 from .words import CONTRADICTED, withdrawn
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
+MISREAD, READINGS = 15.0, 150.0  # s, of the model as it is with columns read in another way; s, of all of them together
 SHORTER = 250.0  # s, of the same beside what held weights have left
 OF_BASE, AT_LEAST = 0.6, 60.0  # of the search's time, that the model as it is may take; s, that each way to it has all the same
 SEARCH = 840.0  # s, from the beginning to the end of the search
@@ -173,6 +176,10 @@ def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) ->
         return near, HELD
     weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
     found = smoothed("", weighed)
+    if found is not None and lost(found):
+        raise InputError(_lost(problem, found, kept, say, end))
+    if found is not None and idle(found) and (said := _misread(problem, found, kept, say, end)):
+        raise InputError(f"diagnose: {EXPLAINS_NOTHING} of what was recorded. It explains more if {said}.")
     if found is not None and not found.solver.converged and comparable(problem, found):
         found = smoothed(", from where it was left", onward, found) or found
     if found is not None and found.solver.converged:
@@ -189,5 +196,29 @@ def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) ->
             return last, QUICKLY
     if near is not None:
         return near, HELD
-    status = "it took too long" if tried is None else tried.solver.status.rstrip(".")
-    raise InputError(f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.")
+    if tried is not None:
+        raise InputError(_lost(problem, tried, kept, say, end))
+    raise InputError("diagnose: the model as it is could not be smoothed (it took too long); give better guesses.")
+
+
+def _lost(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end: float) -> str:
+    """What is said of a model that came to rest nowhere."""
+    status = f"diagnose: the model as it is could not be smoothed ({result.solver.status.rstrip('.')})"
+    if lost(result) and (said := _misread(problem, result, kept, say, end)):
+        return f"{status}. It can be if {said}."
+    notes = [note for note in result.notes if note.startswith("residual.")]
+    return f"{status}; give better guesses. {' '.join(notes)}".rstrip()
+
+
+def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end: float) -> str:
+    """What the columns of a study may be instead."""
+    end = min(end, time.time() + READINGS)
+
+    def smoothed(what: str, other: Problem) -> Smoothing | None:
+        if time.time() > end:
+            return None
+        say(f"the model as it is{what}")
+        way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
+        return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, other, settings=way))
+
+    return misread(problem, result, smoothed)

@@ -46,7 +46,7 @@ class Base:
 class Fits:
     """Where fits run and stay. ahead: how many at once; end: on the clock of `time.time`, after which none begins.
 
-    jobs: processors of this machine that are there for the rest.
+    jobs: processors of this machine that are there for the rest. owed: time before the end that belongs to what has to come after fits [s].
     """
 
     pool: Executor
@@ -55,11 +55,12 @@ class Fits:
     say: Progress
     end: float
     jobs: int = 1
+    owed: float = 0.0
 
     @property
     def left(self) -> float:
-        """Time until the end [s]."""
-        return max(self.end - time.time(), 0.0)
+        """Time that fits have [s]."""
+        return max(self.end - self.owed - time.time(), 0.0)
 
     def candidates(self, base: Base, wanted: Sequence[tuple[Candidate, Screened | None]], *, anew: bool = False) -> list[Judged]:
         """The candidates fitted, from where the base came to rest. anew: from the guesses of its problem instead."""

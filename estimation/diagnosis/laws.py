@@ -6,7 +6,7 @@ hangs on how the machine moved: v_rms its velocity, span and middle of its posit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from math import inf, pi
 
@@ -25,6 +25,7 @@ FINEST = 60.0  # periods in the span of the positions up to which all are looked
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
 SHAPES = 7
 STOPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)  # of the way: where a stop begins
+SWUNG = 1.0  # rad: of less a weight beside the axis is a constant and a spring; over a turn and more it is what comes with every turn
 SOFT = 1e-14  # N/m or N.m/rad: a stop that is none
 
 
@@ -57,8 +58,9 @@ class Law:
     """A member of the library.
 
     make: kind -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
-    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths. carrier: (physics, word) of the law
-    whose force waves. larger: which of two strengths is the larger one.
+    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths; instead: the same of what was a
+    candidate itself. carrier: (physics, word) of the law whose force waves. larger: which of two strengths is the larger one. there: (kind
+    of place, motion) -> whether there may be such a thing.
     """
 
     family: str
@@ -69,10 +71,12 @@ class Law:
     shapes: Callable[[Motion], Mapping[str, tuple[float, ...]]] = field(default=lambda _: {})
     quadrature: str | None = None
     absorbs: Mapping[str, str] = field(default_factory=dict)
+    instead: Mapping[str, str] = field(default_factory=dict)
     ratio: str | None = None
     carrier: tuple[str, str] | None = None
     larger: tuple[str, str] | None = None
     label: str = ""
+    there: Callable[[str, Motion], bool] = field(default=lambda _kind, _motion: True)
 
 
 def _velocities(motion: Motion) -> tuple[float, ...]:
@@ -161,6 +165,16 @@ AGAINST_GROUND: tuple[Law, ...] = (
         quadrature="phase",
         carrier=("constant_force", "f"),
     ),
+    Law(
+        family="potential",
+        physics="gravity",
+        make=_component("", "EccentricWeight"),
+        strengths=("tau_sin", "tau_cos"),
+        one_sided=False,
+        instead={"k": "tau_sin", "k3": "tau_sin"},
+        label="weight",
+        there=lambda kind, m: kind == "rotational" and SWUNG < m.span < 2 * pi,
+    ),
     Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False),
     Law(
         family="potential",
@@ -204,14 +218,16 @@ BETWEEN: tuple[Law, ...] = (
 NAMES = {"f": "f", "tau": "f", "omega_s": "v_s", "J": "m"}  # words of components -> those of findings, where they differ
 
 
-def of_law(law: Law, model: Model, spot: Spot, motion: Motion) -> Candidate:
-    """The law at a place."""
+def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collection[str] = ()) -> Candidate:
+    """The law at a place. brought: components of the model that were candidates themselves."""
     component = rounded(law.make(spot.kind), motion)
     name = free_name(model, f"{law.label or law.physics}_{spot.name}")
     words = (*law.strengths, "v_s", "period", "amplitude")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
-    there = at_hand(model, spot, tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c"})) if len(spot.flanges) == 1 else {}
-    absorbed = {}
+    here = tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c", *law.instead})
+    there = at_hand(model, spot, here) if len(spot.flanges) == 1 else {}
+    found = {word: [path for path in there.get(word, ()) if path.partition(".")[0] in brought] for word in law.instead}
+    absorbed = {own_name(model, path): f"{name}.{law.instead[word]}" for word, paths in found.items() for path in paths}
     for word, instead in law.absorbs.items():
         for base in (*there.get(word, ()), *there.get(TURNED.get(word, ""), ())):
             owner, _, parameter = base.rpartition(".")

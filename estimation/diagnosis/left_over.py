@@ -16,6 +16,7 @@ from .verdict import Finding, Tried
 
 LAST, TRIES = 200.0, 200  # s, at least, and iterations of the fit that tells whether it is needed
 NAMELESS = 0.02  # of the forces at a place: a force that lasts, is no larger, and that nothing explains is no finding
+SMALL = f"Less than {100 * FLOOR:.0f} % does not matter, whatever is said of residual forces below."
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 
@@ -33,12 +34,14 @@ class LeftOver:
     seed: int = 0
 
     def told(self, tried: Sequence[Tried]) -> Finding | str:
-        """A finding, a note, or "" where less is left over than matters."""
+        """A finding, or a note; "" where no place has a residual force."""
         worst, share = max(self.sizes.left.items(), key=lambda item: item[1], default=("", 0.0))
-        if share <= FLOOR:
+        if not worst:
             return ""
         summary = self.base.result.residual_places[worst]
         force = f"{summary.rms:.3g} {summary.unit} rms, {100 * share:.2g} % of the forces there"
+        if share <= FLOOR:
+            return f"Left over at {worst}: a force of {force}, and at no place a larger share. {SMALL}"
         if self.explained >= UNEXPLAINED:
             return f"Unexplained at {worst}: a force of {force}."
         if (lasts := lasting(self.sizes.base, worst, self.seed)) * share <= NAMELESS:

@@ -49,7 +49,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
             continue
         motion = motions.of(spot)
         if motion is not None:
-            found += [of_law(law, model, spot, motion) for law in AGAINST_GROUND]
+            found += [of_law(law, model, spot, motion, brought) for law in AGAINST_GROUND if law.there(spot.kind, motion)]
             found += of_loads(model, spot, motion, motions.size)
             found += of_presliding(model, spot, motion, values) if spot.name in places else []
     masses = _masses(model, values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -239,12 +240,14 @@ class Search:
         self.findings = [renewed(f, of[id(f)], self.result, self._sizes) if id(f) in of else f for f in self.findings]
 
     def _scored(self) -> Round:
-        """All candidates beside the model as it is."""
+        """All candidates beside the model as it is; as much time as that takes is owed to the scores that come after its fits."""
         self.fits.say(f"round {len(self.findings) + 1}: scores")
+        began = time.time()
         brought = loose(self.findings, self.accepted, self.bare.model, self.model)
         scored = Round.of(self._base, self.bare, self.accepted, brought, self.fits, self.seed)
         self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
-        return scored
+        self.fits = replace(self.fits, owed=time.time() - began)
+        return replace(scored, fits=self.fits)
 
     def _better_from_the_guesses(self, scored: Round) -> bool:
         """Whether the model with what was found is better from the guesses of the study; then it is there.

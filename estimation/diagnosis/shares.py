@@ -107,9 +107,10 @@ def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list
     """Of every candidate that was not found, the least strength that would have been; of those that have a score.
 
     Of one with shapes at that in the middle, from the one that shows the least strength to those that show none: at its best shape nothing
-    may have any strength, since that one fits noise. What parameters can take over wholly is not among them.
+    may have any strength, since that one fits noise. What parameters can take over wholly is not among them. Sorted by place, bodies before
+    sensors and inputs, and physics; of what may act on either side, or in other ways that have one name, the larger strength.
     """
-    out, deviations = list[Undetectable](), max(float(np.sqrt(2.0 * found.chance.needed(SURE))), CERTAIN)
+    out, deviations = dict[tuple[str, ...], Undetectable](), max(float(np.sqrt(2.0 * found.chance.needed(SURE))), CERTAIN)
     for s in found.found:
         c = s.candidate
         if c.key in skipped or c.onset is not None or not (c.signals or c.strengths):
@@ -118,8 +119,11 @@ def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list
         path, strength = _of_signal(shapes, sizes, deviations) if c.signals else _of_strength(shapes, sizes, deviations)
         word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
         unit = c.unit(model, path, sizes.result.units)
-        out.append(Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=unit))
-    return out
+        told = Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=unit)
+        which = (c.place, c.physics, word, unit)
+        if which not in out or strength > out[which].strength:
+            out[which] = told
+    return [out[which] for which in sorted(out, key=lambda which: (":" in which[0], *which))]
 
 
 def _of_strength(shapes: Sequence[Screened], sizes: Sizes, deviations: float) -> tuple[str, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from backsight.models import Model
 
-from ..diagnosis.words import CONTRADICTED, numbers, sentence, when, with_deviation
+from ..diagnosis.words import CONTRADICTED, UNKNOWN, numbers, sentence, when, with_deviation
 from ..wording import chance, probability
 from .answer import code, joined
 from .diagnosis_figures import held_out_charts, mismatch_chart, mismatch_scatter, window_chart
@@ -23,6 +23,7 @@ from .tables import facts, table
 
 if TYPE_CHECKING:
     from ..diagnosis import Diagnosis, Errors, Finding, HeldOut, Tried
+    from ..results import Smoothing
 
 __all__ = ["write_diagnosis_report"]
 
@@ -38,7 +39,7 @@ def write_diagnosis_report(found: Diagnosis, path: str | Path) -> None:
         ("what", "What it is", _what(found)),
         ("tried", "What was tried", _tried(found)),
         ("held-out", "Before and after, on what the fit has not seen", _held_out(found)),
-        ("parameters", "Parameters before and after", _parameters(found)),
+        ("parameters", "Parameters", _parameters(found)),
         ("limits", "What could not have been seen", _limits(found)),
         ("notes", "Notes", _notes(found)),
     ]
@@ -97,13 +98,20 @@ def _where(found: Diagnosis) -> str:
 
 
 def _residuals(found: Diagnosis) -> str:
-    rows = []
+    rows, results = [], _results(found)
     for place, r in found.before.residual_places.items():
-        then = found.after.residual_places.get(place)
+        each = [result.residual_places.get(place) for result in results.values()]
         follows = NOTHING if r.follows is None else f"{r.follows.what} (correlation {number(r.follows.correlation, 2)})"
-        rows.append([place, quantity(r.rms, r.unit), quantity(then.rms, then.unit) if then else NOTHING, follows])
-    head = ["place", "residual force, model as declared", "with the repair", "at first it goes with"]
-    return table(head, rows, words=(0, 3)) if rows else ""
+        rows.append([place, *(quantity(s.rms, s.unit) if s else NOTHING for s in each), follows])
+    first, *others = results
+    head = ["place", f"residual force, {first}", *others, "at first it goes with" if others else "it goes with"]
+    return table(head, rows, words=(0, 1 + len(results))) if rows else ""
+
+
+def _results(found: Diagnosis) -> dict[str, Smoothing]:
+    """What stands side by side in tables: the model as declared and the repaired one, where something was repaired."""
+    repaired = any(f.explanation.physics != UNKNOWN for f in found.findings)
+    return {"model as declared": found.before} | ({"with the repair": found.after} if repaired else {})
 
 
 def _when(found: Diagnosis) -> str:
@@ -207,15 +215,15 @@ def _errors(name: str, before: Errors, held: HeldOut) -> list[list[str]]:
 
 def _parameters(found: Diagnosis) -> str:
     """All that was estimated in either, and the parameters of what was found."""
-    rows = []
-    for name in dict.fromkeys([*found.before.parameters, *found.after.parameters]):
-        pair = [result.parameters.get(name) for result in (found.before, found.after)]
-        if all(p is None or p.fixed for p in pair):
+    rows, results = [], _results(found)
+    for name in dict.fromkeys(name for result in results.values() for name in result.parameters):
+        each = [result.parameters.get(name) for result in results.values()]
+        if all(p is None or p.fixed for p in each):
             continue
-        told = [NOTHING if p is None else "fixed" if p.fixed and p.value == 0 else _estimate(p.value, p.std) for p in pair]
-        unit = next(p.unit for p in pair if p is not None)
+        told = [NOTHING if p is None else "fixed" if p.fixed and p.value == 0 else _estimate(p.value, p.std) for p in each]
+        unit = next(p.unit for p in each if p is not None)
         rows.append([name, *told, pretty(unit)])
-    said = table(["parameter", "model as declared", "with the repair", "unit"], rows, words=(0, 3)) if rows else ""
+    said = table(["parameter", *results, "unit"], rows, words=(0, 1 + len(results))) if rows else ""
     own = [[f.explanation.words, n, with_deviation(s)] for f in found.findings for n, s in f.explanation.parameters.items()]
     return said + (table(["of the finding", "parameter", "estimate"], own, words=(0, 1, 2), codes=(1,)) if own else "")
 

@@ -134,7 +134,7 @@ def choose_weights(
                 output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
             else:
                 force_factor[family.row] = np.exp(family.log)
-        say(f"weights from the data, round {rounds}: {100 * np.expm1(change):.0f} % to go")
+        say(f"weights from the data, round {rounds}: {100 * np.expm1(change):.3g} % to go")
         if change < CLOSE:
             settled = True
             break

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isclose, isfinite, nextafter
 from pathlib import Path
@@ -83,6 +83,10 @@ class Study:
             return cls(path, label, text, StudyFile.model_validate(tables))
         except ValidationError as error:
             raise InputError(sentence(error, label, text)) from None
+
+    def of(self, model: str) -> Study:
+        """The same of another model, named as `model` of a study would name it."""
+        return replace(self, file=self.file.model_copy(update={"model": model}))
 
     @cached_property
     def model(self) -> Model | Dae:

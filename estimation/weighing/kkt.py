@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, SuperLU, onenormest, splu
 
+from backsight.models import SolveError
 from backsight.ocp import Solution
 from backsight.ocp.bordered import arrange
 
@@ -85,8 +86,10 @@ class Kkt:
 
     @cached_property
     def _corner(self) -> Array:
-        """Inverse of the border's Schur complement; what the data leave open is left alone."""
+        """Inverse of the border's Schur complement; what the data leave open is left alone. Raises SolveError where it has no numbers."""
         S = self.matrix[self.border][:, self.border].toarray() - self._edge.T @ self._across
+        if not np.isfinite(S).all():
+            raise SolveError("the equations linearised at the solution have derivatives that are no numbers, or none at all")
         size = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(S)), np.finfo(float).tiny))
         return np.asarray(size[:, None] * np.linalg.pinv(size[:, None] * S * size, hermitian=True, rcond=1e-13) * size)
 

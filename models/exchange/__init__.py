@@ -2,6 +2,6 @@
 
 from .fmu import export_fmu
 from .modelica import load_modelica
-from .python_code import python_code
+from .python_code import function_name, python_code
 
-__all__ = ["export_fmu", "load_modelica", "python_code"]
+__all__ = ["export_fmu", "function_name", "load_modelica", "python_code"]

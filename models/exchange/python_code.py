@@ -45,12 +45,12 @@ def python_code(model: Model, said: str = "") -> str:
     body = "\n".join(f"        {line}" for line in parts)
     above = "\n".join(textwrap.wrap(said or f"The model {model.name}.", WIDTH)).replace("\\", "\\\\").replace('"', '\\"')
     top = f'"""{above}"""\n\n'
-    return top + "\n".join(lines) + f"\n\n\ndef {function(model)}() -> Model:\n    return Model(\n{body}\n    )\n"
+    return top + "\n".join(lines) + f"\n\n\ndef {function_name(model.name)}() -> Model:\n    return Model(\n{body}\n    )\n"
 
 
-def function(model: Model) -> str:
-    """What the function is called: the model's name, as far as it can be one."""
-    name = re.sub(r"\W", "_", model.name) or "model"
+def function_name(model: str) -> str:
+    """What the function for a model of this name is called: the same, as far as it can be one."""
+    name = re.sub(r"\W", "_", model) or "model"
     return f"_{name}" if name[0].isdigit() or keyword.iskeyword(name) else name
 
 

@@ -5,6 +5,7 @@ The same physics as `translational`, angle for position and torque for force; th
 
 from .bodies import AddedInertia, Inertia, RotationalFixed, Rotor
 from .elements import (
+    EccentricWeight,
     RotationalCogging,
     RotationalCubicSpring,
     RotationalDamper,
@@ -42,6 +43,7 @@ __all__ = [
     "AngularVelocitySensor",
     "ConstantTorque",
     "EccentricRack",
+    "EccentricWeight",
     "Gear",
     "GearWithError",
     "Inertia",

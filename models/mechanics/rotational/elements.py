@@ -1,4 +1,4 @@
-"""Springs, dampers, drag, stops and cogging between two flanges that turn about one axis.
+"""Springs, dampers, drag, stops, weight and cogging between two flanges that turn about one axis.
 
 Elements follow the sign convention of `connectors`: the torque tau enters at flange_a and leaves at flange_b.
 """
@@ -149,6 +149,24 @@ class RotationalLowerEndStop(RotationalEndStop):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {**super().equations(c), "contact law": law(c.tau, -contact(c.x - c.phi_rel, -c.omega_rel, c.k, c.d, c.width))}
+
+
+class EccentricWeight(RotationalElement):
+    """The weight of a body whose centre lies beside the axis.   tau = tau_sin sin(phi_rel) + tau_cos cos(phi_rel)
+
+    An arm of mass m, its centre at l from the axis and at alpha from the horizontal where phi_rel = 0, has tau_sin = -m g l sin(alpha) and
+    tau_cos = m g l cos(alpha).
+
+    Variables:  phi_rel [rad], tau [N.m]
+    Connectors: flange_a on the body, flange_b at rest
+    Parameters: tau_sin, tau_cos [N.m] 0 by default (absent)
+    """
+
+    tau_sin = Parameter("N.m", 0.0, description="torque at a quarter turn")
+    tau_cos = Parameter("N.m", 0.0, description="torque at phi_rel = 0")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {**super().equations(c), "weight": law(c.tau, c.tau_sin * ca.sin(c.phi_rel) + c.tau_cos * ca.cos(c.phi_rel))}
 
 
 class RotationalCogging(RotationalElement):

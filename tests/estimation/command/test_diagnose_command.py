@@ -117,6 +117,16 @@ def test_the_repaired_model_is_a_file_that_a_study_names_as_its_model(study, sea
     assert {name: simulated[name]["value"] for name in told} == told
 
 
+def test_a_study_is_simulated_with_the_repaired_model_of_its_diagnosis(study, search, capsys, monkeypatch):
+    assert main(["diagnose", str(study), "--json"]) == 0
+    told = {name: p["value"] for name, p in json.loads(capsys.readouterr().out)["parameters"].items() if not p["fixed"]}
+    monkeypatch.chdir(study.parent)
+    assert main(["simulate", "axis.toml", "--estimates", "axis_diagnosed", "--json"]) == 0
+    simulated = {name: p["value"] for name, p in json.loads(capsys.readouterr().out)["parameters"].items()}
+    assert "friction.f_c" in told
+    assert told.items() <= simulated.items()
+
+
 def test_where_nothing_was_found_there_is_no_repaired_model(study, search, capsys):
     search.found = replace(search.found, verdict="none", findings=())
     assert main(["diagnose", str(study), "--json"]) == 0

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
 from backsight.models import Model
+from backsight.models.errors import InputError
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, RotationalDamper, RotationalFixed, Torque
 from backsight.models.mechanics.translational import Damper, Fixed, Mass, PositionSensor, SpringDamper
 
@@ -58,11 +61,14 @@ def recorded(friction: float, seed: int, role: str) -> Recording:
     return Recording(name=role, role=role, time=np.arange(2000) * SAMPLE, inputs={"tau": given}, outputs=outputs)
 
 
-def diagnosed(friction: float) -> Diagnosis:
+def posed(*recordings: Recording) -> Problem:
     positive = {"motor.J": 8e-4, "bearing.d": 1e-3, "belt.k": 1e5, "belt.d": 100.0, "slide.m": 4.0, "guide.d": 10.0}
-    free = {name: Free(guess, min=1e-6) for name, guess in positive.items()}
-    recordings = [recorded(friction, 1, "fit"), recorded(friction, 2, "held_out")]
-    return diagnose(Problem(model=machine(), recordings=recordings, parameters=free))
+    free = {name: Free(guess, min=guess / 100.0) for name, guess in positive.items()}
+    return Problem(model=machine(), recordings=recordings, parameters=free)
+
+
+def diagnosed(friction: float) -> Diagnosis:
+    return diagnose(posed(recorded(friction, 1, "fit"), recorded(friction, 2, "held_out")))
 
 
 @pytest.mark.slow
@@ -81,3 +87,22 @@ def test_friction_behind_a_stiff_belt_is_found_though_the_belts_stiffness_times_
 @pytest.mark.slow
 def test_the_same_machine_is_silent_where_nothing_is_missing():
     assert diagnosed(0.0).verdict == "none"
+
+
+DEGREES = 180.0 / np.pi
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("read", "said"),
+    [
+        (lambda y: {"phi": DEGREES * y["phi"], "s": y["s"]}, 'phi is in "deg": write unit = "deg" at phi'),
+        (lambda y: {"phi": y["s"], "s": y["phi"]}, "the columns of phi and s are exchanged"),
+        (lambda y: {"phi": y["phi"], "s": -y["s"]}, "s has the other sign: negate the column of s"),
+    ],
+)
+def test_columns_that_no_such_machine_could_have_are_told_from_what_they_may_be(read, said):
+    made = recorded(0.0, 1, "fit")
+    with pytest.raises(InputError) as error:
+        diagnose(posed(replace(made, outputs=read(made.outputs))))
+    assert said in str(error.value)

@@ -85,11 +85,13 @@ def test_a_force_that_is_forgotten_at_once_is_noise(search: Search, monkeypatch:
     assert search.notes[0].endswith("too little for something that is missing.")
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.9 * FLOOR, 0), (0.9 * NAMELESS, 1)])
-def test_a_force_that_lasts_and_is_small_is_a_note_at_most(slow: Search, share: float, told: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("share", "told"), [(0.9 * FLOOR, "at no place a larger share"), (0.9 * NAMELESS, "too little for something")])
+def test_a_force_that_lasts_and_is_small_is_a_note(slow: Search, share: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(slow, True, monkeypatch, share)
     assert slow.findings == []
-    assert len(slow.notes) == told
+    (note,) = slow.notes
+    assert told in note
+    assert f"{100 * share:.2g} % of the forces there" in note
 
 
 @pytest.mark.parametrize("has_found", [False, True])
@@ -170,3 +172,14 @@ def test_what_is_withdrawn_leaves_the_model_as_declared_and_forces_without_a_nam
     assert changed.findings == [nameless]
     assert (changed.problem, changed.result) == (search.problem, search.result)
     assert changed.verdict() == "unknown_physics"
+
+
+def test_what_scores_take_is_owed_to_those_that_come_after_fits(search: Search) -> None:
+    began = time.time()
+    there = replace(search, fits=replace(search.fits, end=began + 1000.0))
+    fits = there._scored().fits
+    took = time.time() - began
+    assert 0.0 < fits.owed <= took
+    assert fits is there.fits
+    assert fits.left == pytest.approx(1000.0 - took - fits.owed, abs=1.0)
+    assert replace(fits, end=began + took).left == 0.0

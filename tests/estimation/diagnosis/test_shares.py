@@ -98,6 +98,18 @@ def test_what_would_have_been_seen_is_a_number_of_deviations_or_the_floor(axis):
     assert bias.strength == pytest.approx(least * rate[0])
 
 
+def test_limits_are_in_order_one_for_each_parameter_of_an_effect_in_units_of_their_own(axis):
+    _, sizes, _, found = axis
+    out = limits(found, sizes, actuator(), set())
+    places = [u.place for u in out]
+    assert places == sorted(places, key=lambda place: (":" in place, place))
+    which = [(u.place, u.physics, u.parameter, u.unit) for u in out]
+    assert len(set(which)) == len(which)
+    stops = [s.candidate for s in found.found if s.candidate.key == ("carriage", "end_stop")]
+    assert len(stops) > 1  # on either side
+    assert next(u.unit for u in out if u.physics == "sensor_drift") == "m/s"
+
+
 def test_what_would_have_been_seen_hangs_on_the_shape_in_the_middle_not_on_that_of_most_gain(axis):
     _, sizes, looks, found = axis
     c = next(look.candidate for look in looks if look.candidate.key == ("carriage", "stribeck_friction"))

@@ -8,7 +8,7 @@ import pytest
 
 from backsight.models import Component, Model, ModelError, Output, Parameter
 from backsight.models.exchange import python_code
-from backsight.models.exchange.python_code import function
+from backsight.models.exchange.python_code import function_name
 from backsight.models.mechanics.translational import Fixed, Force, Friction, Mass, PositionSensor, StribeckFriction
 from backsight.models.plants import PLANTS
 from backsight.models.signals import Lag
@@ -17,7 +17,7 @@ from backsight.models.signals import Lag
 def read(code: str, model: Model) -> Model:
     there: dict = {}
     exec(compile(code, "model.py", "exec"), there)
-    return there[function(model)]()
+    return there[function_name(model.name)]()
 
 
 @pytest.mark.parametrize("name", sorted(PLANTS))
@@ -47,7 +47,7 @@ def test_names_that_are_no_identifiers_noise_and_parameters_of_the_model_come_ba
         bindings={"a.m": "all.m"},
         start={"a.s": 0.1},
     )  # fmt: skip
-    assert function(model) == "_2_masses___soft_"
+    assert function_name(model.name) == "_2_masses___soft_"
     back = read(python_code(model, said='What a study found: C:\\\\new """ ' + 40 * "and more "), model)
     assert back == model
     assert back.measured["x"].noise_std == 1e-6

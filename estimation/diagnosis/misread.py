@@ -1,0 +1,85 @@
+"""Columns that are not what a study says: in another unit, with the other sign, exchanged with another one.
+
+Residual forces let a smoother follow what no machine would do, but not what no machine could: outputs of bodies that are joined, one of
+them in degrees or under the other's name. There it comes to rest nowhere, further from an output than that output's mean, or where the
+joint has run to nothing and forces do everything. Every such misreading is taken back in turn, and one with which the model comes to
+rest, and explains what it did not, is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from ..problem import Problem
+from ..recordings.recording import Recording
+from ..recordings.units import OTHERS, to_si
+from ..results import Smoothing
+from ..smoothing.explaining import EXPLAINS_NOTHING
+from ..wording import quoted
+
+Array = np.ndarray[tuple[int], np.dtype[np.float64]]
+Reading = Callable[[Recording], dict[str, Array]]
+
+LOST = -100.0  # percent of fit: residuals are twice what the mean would leave
+MORE = 3.0  # times the residual forces of the best reading: with as much one is none
+LESS = 0.1  # of the residual forces of a model that explains nothing: with more another reading explains little more
+
+
+def lost(result: Smoothing) -> bool:
+    """Whether a smoothing has come to rest nowhere, and follows an output worse than the mean of its samples would."""
+    fits = [f.ordinary.fit_percent for outputs in result.fit.values() for f in outputs.values()]
+    return not result.solver.converged and any(fit is not None and not fit > LOST for fit in fits)
+
+
+def idle(result: Smoothing) -> bool:
+    """Whether a smoothing has come to rest where residual forces do what the model should."""
+    return result.solver.converged and any(EXPLAINS_NOTHING in note for note in result.notes)
+
+
+def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Problem], Smoothing | None]) -> str:
+    """What a study's columns may be, and the remedy; "" where no other reading of one or two of its outputs makes the model explain them.
+
+    result: of the problem as it is. smoothed: what it is called, problem -> its smoothing, None where there is none in time.
+    """
+    found = dict[str, float]()
+    for said, remedy, outputs in _readings(problem):
+        other = replace(problem, recordings=[replace(r, outputs=outputs(r)) for r in problem.recordings])
+        there = smoothed(f" if {said}", other)
+        if there is not None and there.solver.converged and not (lost(there) or idle(there)):
+            found[f"{said}: {remedy}"] = _forces(there)
+    most = MORE * min(found.values(), default=0.0)
+    if idle(result):
+        most = min(most, LESS * _forces(result))
+    return ", or if ".join(words for words, force in found.items() if force <= most)
+
+
+def _forces(result: Smoothing) -> float:
+    """Residual forces of all places together."""
+    return float(np.prod([r.rms for r in result.residual_places.values()]))
+
+
+def _readings(problem: Problem) -> Iterator[tuple[str, str, Reading]]:
+    """What columns may be in words, what to do then, and a recording's outputs as they are then."""
+    outputs = [q for q in problem.dae.outputs if any(q.name in r.outputs for r in problem.recordings)]
+    for a, b in combinations([q.name for q in outputs], 2):
+        yield f"the columns of {a} and {b} are exchanged", "exchange them in the study", _exchanged(a, b)
+    for q in outputs:
+        yield f"{q.name} has the other sign", f"negate the column of {q.name}", _changed(q.name, np.negative)
+    for q in outputs:
+        for unit in OTHERS.get(q.unit, ()):
+            change = partial(to_si, unit=unit, expected=q.unit, where=q.name)
+            yield f"{q.name} is in {quoted([unit])}", f"write unit = {quoted([unit])} at {q.name}", _changed(q.name, change)
+
+
+def _changed(name: str, change: Callable[[Array], Array]) -> Reading:
+    return lambda r: {n: change(y) if n == name else y for n, y in r.outputs.items()}
+
+
+def _exchanged(a: str, b: str) -> Reading:
+    to = {a: b, b: a}
+    return lambda r: {to.get(n, n): y for n, y in r.outputs.items()}
