@@ -200,7 +200,7 @@ def _held_out(found: Diagnosis) -> str:
     return (
         f"<p>{said}</p>{table(head, rows)}{drawn(window_chart(held))}"
         + "".join(drawn(chart) for chart in held_out_charts(found))
-        + (table(["residual force of smoothing at", "before", "after"], forces) if forces else "")
+        + (table(["residual force on what was held out, at", "before", "after"], forces) if forces else "")
     )
 
 

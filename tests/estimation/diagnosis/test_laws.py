@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,11 +17,12 @@ from backsight.models.plants import PLANTS, actuator
 from backsight.models.quadratures import without_ignorable
 
 MOTION = Motion(v_rms=0.2, low=-0.3, high=0.5)
+WIDE = replace(MOTION, high=0.8)  # rad: a part of a turn that tells a weight
 
 
 def candidates(model) -> list:
-    return [of_law(law, model, spot, MOTION) for spot in bodies(model) for law in AGAINST_GROUND] + [
-        of_law(law, model, spot, MOTION) for spot in elements(model) for law in BETWEEN
+    return [of_law(law, model, spot, WIDE) for spot in bodies(model) for law in AGAINST_GROUND if law.there(spot.kind, WIDE)] + [
+        of_law(law, model, spot, WIDE) for spot in elements(model) for law in BETWEEN
     ]
 
 
@@ -169,7 +171,7 @@ def test_what_physics_lets_only_be_positive_brakes(plant):
 def test_shapes_hang_on_how_the_machine_moved():
     model = actuator()
     (spot,) = bodies(model)
-    by = {law.label or law.physics: of_law(law, model, spot, MOTION) for law in AGAINST_GROUND}
+    by = {law.label or law.physics: of_law(law, model, spot, MOTION) for law in AGAINST_GROUND if law.there(spot.kind, MOTION)}
     (velocities,) = by["stribeck_friction"].shapes.values()
     assert velocities[0] == pytest.approx(0.002)
     assert velocities[-1] == pytest.approx(0.2)
@@ -197,7 +199,7 @@ def test_signs_are_rounded_in_proportion_to_the_velocity():
 def test_a_richer_law_takes_the_part_of_a_plainer_one_that_is_there():
     model = actuator()
     (spot,) = bodies(model)
-    by = {law.label or law.physics: of_law(law, model, spot, MOTION) for law in AGAINST_GROUND}
+    by = {law.label or law.physics: of_law(law, model, spot, MOTION) for law in AGAINST_GROUND if law.there(spot.kind, MOTION)}
     assert by["stribeck_friction"].absorbs == {"friction.f_c": "stribeck_friction_carriage.f_c stribeck_friction_carriage.f_s"}
     assert by["asymmetric_friction"].absorbs == {"friction.d": "asymmetric_friction_carriage.d_plus asymmetric_friction_carriage.d_minus"}
     assert by["logarithmic_friction"].absorbs == {"friction.f_c": "logarithmic_friction_carriage.c"}
@@ -228,3 +230,28 @@ def test_all_laws_have_names_that_findings_can_be_written_with():
             assert set(c.named.values()) <= declared
             assert set(c.strengths) <= set(c.named.values())
             assert {*c.shapes, *c.start} <= declared
+
+
+@pytest.mark.parametrize(
+    ("kind", "low", "high", "there"),
+    [
+        ("rotational", -0.6, 0.6, True),
+        ("rotational", 0.0, 0.4, False),
+        ("rotational", 0.0, 7.0, False),
+        ("translational", -0.6, 0.6, False),
+    ],
+)
+def test_a_weight_beside_the_axis_is_looked_for_where_a_part_of_a_turn_tells_it(kind, low, high, there):
+    (law,) = (law for law in AGAINST_GROUND if law.physics == "gravity")
+    assert law.there(kind, Motion(v_rms=1.0, low=low, high=high)) is there
+
+
+def test_a_weight_takes_the_place_of_a_spring_that_was_found_and_of_none_that_the_model_has():
+    spring, weight = (next(law for law in AGAINST_GROUND if law.physics == physics) for physics in ("spring", "gravity"))
+    model = PLANTS["drillstring"]()
+    spot = next(spot for spot in bodies(model) if spot.kind == "rotational")
+    found = of_law(spring, model, spot, WIDE)
+    (brought,) = (path.partition(".")[0] for path in found.strengths)
+    sprung = found.edited(model)
+    assert of_law(weight, sprung, spot, WIDE, {brought}).replaces(found)
+    assert not of_law(weight, sprung, spot, WIDE).absorbs

@@ -54,6 +54,7 @@ ELEMENTS = [
     *SLIDERS,
     *((twin(component), energy) for component, energy in SLIDERS if not isinstance(component, t.ConstantForce)),
     (r.ConstantTorque(tau=3.0), lambda s: 3.0 * s),
+    (r.EccentricWeight(tau_sin=2.0, tau_cos=-0.7), lambda s: -2.0 * ca.cos(s) - 0.7 * ca.sin(s)),
     (r.TorsionString(k=30.0, d=2.0), lambda z: 30.0 * z**2 / 2),
 ]
 IDEAL: list[Component] = [

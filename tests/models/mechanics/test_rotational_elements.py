@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from one_dimensional import T, run_wheel
+from scipy.special import ellipj, ellipk
 
 from backsight.models.mechanics.rotational import (
+    EccentricWeight,
     RotationalBacklash,
     RotationalCogging,
     RotationalDamper,
@@ -32,6 +34,15 @@ def test_cogging_of_one_turn_is_a_pendulum() -> None:
     result = run_wheel(RotationalCogging(amplitude=2.0), phi=1.2)
     energy = 0.25 * result.states["wheel.omega"] ** 2 + 2.0 * (1 - np.cos(result.states["wheel.phi"]))
     assert energy == pytest.approx(np.full(len(T), 2.0 * (1 - np.cos(1.2))), rel=1e-9)
+
+
+@pytest.mark.parametrize("down", [0.0, 0.8])
+def test_an_eccentric_weight_swings_as_elliptic_functions_say(down: float) -> None:
+    moment, start = 4.5, 1.9  # N.m and rad from where it hangs, which is at phi = down
+    result = run_wheel(EccentricWeight(tau_sin=moment * np.cos(down), tau_cos=-moment * np.sin(down)), phi=down + start)
+    k = np.sin(start / 2)
+    sn = ellipj(ellipk(k**2) + np.sqrt(moment / 0.5) * T, k**2)[0]
+    assert result.states["wheel.phi"] - down == pytest.approx(2 * np.arcsin(k * sn), abs=1e-6)
 
 
 def test_a_wheel_in_play_keeps_its_speed_between_two_sides() -> None:

@@ -34,7 +34,7 @@ ELEMENTS: list[Component] = [
 OF_THEIR_OWN = {  # with tests of their own
     *(r.Inertia, r.AddedInertia, r.Rotor, r.RotationalFixed, r.RotationalRigid, r.TorsionString, r.Gear, r.GearWithError, r.Rack),
     *(r.EccentricRack, r.Torque, r.ConstantTorque, r.Angle, r.AngularSpeed, r.AngularAcceleration, r.AngleSensor, r.AngularVelocitySensor),
-    *(r.AngularAccelerationSensor, r.TorqueSensor, r.RotationalPowerSensor, r.RotationalElement, r.TurningElement),
+    *(r.AngularAccelerationSensor, r.TorqueSensor, r.RotationalPowerSensor, r.RotationalElement, r.TurningElement, r.EccentricWeight),
 }
 
 
