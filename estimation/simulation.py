@@ -69,7 +69,9 @@ def simulate_study(
             frames = [simulate_recording(dae, recording, values, initial) for recording in recordings]
     else:
         with workers(jobs, scheduler) as pool:
-            frames = [f.result() for f in [pool.submit(_simulate_nth, study.path, k, values) for k in range(len(recordings))]]
+            frames = [
+                f.result() for f in [pool.submit(_simulate_nth, study.path, study.file.model, k, values) for k in range(len(recordings))]
+            ]
     units = {q.name: q.unit for q in (*dae.inputs, *dae.outputs, *dae.states)}
     return Simulation(
         model=dae.name,
@@ -91,7 +93,7 @@ def simulate_recording(dae: Dae, recording: Recording, parameters: Mapping[str, 
     return pd.DataFrame({"t_s": found.t} | dict(found.outputs) | dict(found.states))
 
 
-def _simulate_nth(study: Path, k: int, values: Mapping[str, float]) -> pd.DataFrame:
+def _simulate_nth(study: Path, model: str, k: int, values: Mapping[str, float]) -> pd.DataFrame:
     """The k-th recording of a study file, in a worker: equations do not travel between processes, files do."""
-    own = Study.read(study)
+    own = Study.read(study).of(model)
     return simulate_recording(own.dae, own.recordings[k], values, own.initial())

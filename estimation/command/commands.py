@@ -67,9 +67,9 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
     from ..simulation import simulate_study
 
     study = Study.read(path)
-    repaired = None if estimates is None else repaired_model(estimates, path.parent)
+    repaired = None if estimates is None else repaired_model(estimates)
     study = study if repaired is None else study.of(repaired)
-    estimated = {} if estimates is None else estimated_parameters(estimates, study.dae)
+    estimated = {} if estimates is None else estimated_parameters(estimates, study.dae, every=repaired is not None)
     out = options.out or _named_after(path, "_simulated")
     with results_folder(out) as folder, _progress(options) as say:
         answer = simulate_study(study, estimated, jobs=options.jobs, scheduler=options.scheduler, progress=say)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
@@ -114,17 +113,17 @@ def _setting(o: Outcome, units: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
+def estimated_parameters(folder: Path, dae: Dae, *, every: bool = False) -> dict[str, float]:
     """The parameters that a result.json says were estimated, of the same model; `folder` holds it.
 
-    Those that were fixed stay what the study makes them; of those that every recording has of its own it is the mean. Raises InputError
-    where there are no such results.
+    Those that were fixed stay what the study makes them, unless `every` one is asked for; of those that every recording has of its own it
+    is the mean. Raises InputError where there are no such results.
     """
     path = folder / "result.json"
     try:
         result = json.loads(path.read_text(encoding="utf-8"))
         model = result["model"]
-        found = {str(name): float(p["value"]) for name, p in result["parameters"].items() if not p["fixed"]}
+        found = {str(name): float(p["value"]) for name, p in result["parameters"].items() if every or not p["fixed"]}
         found = {name: value for name, value in found.items() if not name.startswith(delay_name(""))}  # a sensor's, not the plant's
     except OSError as error:
         raise InputError(f"--estimates {folder}: {path} cannot be read ({error.strerror or error}); name a folder of results") from None
@@ -147,16 +146,29 @@ def estimated_parameters(folder: Path, dae: Dae) -> dict[str, float]:
     return found
 
 
-def repaired_model(folder: Path, study: Path) -> str | None:
-    """The `model` of a study in the folder `study` that takes the repaired one of a diagnosis in `folder`; None where that has none."""
+def repaired_model(folder: Path) -> str | None:
+    """The `model` of a study that takes the repaired one of a diagnosis in `folder`; None where it repaired none.
+
+    Raises InputError where it did, and the model could not be written as code.
+    """
     from backsight.models.exchange import function_name
+
+    from ..diagnosis.words import UNKNOWN
 
     try:
         result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
         file, name = result["repaired_model"], result["model"]
+        found = [str(finding["physics"]) for finding in result["findings"]]
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return None if file is None else f"{os.path.relpath(folder / file, study)}:{function_name(name)}"
+    if file is not None:
+        return f"{(folder / file).resolve()}:{function_name(name)}"
+    if any(physics != UNKNOWN for physics in found):
+        raise InputError(
+            f"--estimates {folder}: its repaired model has a component of a class of your own and was not written; put {', '.join(found)} "
+            "into the study's model and smooth that"
+        )
+    return None
 
 
 def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:

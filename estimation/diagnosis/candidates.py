@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -272,7 +273,10 @@ class Candidate:
     def said(self, unit: str, signals: Mapping[str, str]) -> str:
         """The unit of a parameter: that of the signal where a block leaves it to that, and of a rate of it where it says "/s"."""
         signal = signals.get(self.place.partition(":")[2], "")
-        return signal + unit if signal and unit.startswith("/") else unit or signal
+        if not (signal and unit.startswith("/")):
+            return unit or signal
+        per = re.fullmatch(rf"(.*){unit}(\d?)", signal)
+        return f"{per[1]}{unit}{int(per[2] or 1) + 1}" if per else signal + unit
 
     @property
     def sent(self) -> Candidate:

@@ -13,6 +13,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from numpy.linalg import LinAlgError
+
 from backsight.models import Model
 from backsight.models.errors import InputError, SolveError
 
@@ -31,7 +33,7 @@ from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
 from .mismatch import mismatches
-from .misread import idle, lost, misread
+from .misread import Reading, idle, lost, misread
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
 from .refit import HELD, PATIENT, QUICKLY, comparable
@@ -41,7 +43,7 @@ from .verdict import Diagnosis
 from .words import CONTRADICTED, withdrawn
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
-MISREAD, READINGS = 15.0, 150.0  # s, of the model as it is with columns read in another way; s, of all of them together
+MISREAD, READINGS = 15.0, 90.0  # s, of the model as it is with columns read in another way; s, of all of them together
 SHORTER = 250.0  # s, of the same beside what held weights have left
 OF_BASE, AT_LEAST = 0.6, 60.0  # of the search's time, that the model as it is may take; s, that each way to it has all the same
 SEARCH = 840.0  # s, from the beginning to the end of the search
@@ -74,10 +76,10 @@ def diagnose(
     with workers(jobs, scheduler) as pool:
         steadied = with_offsets(with_heading(posed, problem.model))
 
-        def based(other: Problem) -> tuple[Smoothing, Settings]:
-            return _base(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds)
+        def based(other: Problem, *, asking: bool = False) -> tuple[Smoothing, Settings]:
+            return _base(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
-        as_said = based(steadied)
+        as_said = based(steadied, asking=True)
         steadied, open_ones = with_sizes_known(steadied, as_said[0])
         as_said = based(steadied) if open_ones else as_said
         better, (first, settings), straight = with_better_hold(steadied, problem.model, as_said, based)
@@ -151,7 +153,7 @@ def diagnose(
     )
 
 
-def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) -> tuple[Smoothing, Settings]:
+def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf, *, asking: bool = False) -> tuple[Smoothing, Settings]:
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
@@ -159,7 +161,7 @@ def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) ->
     do not come to rest their parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and
     where they do not come to rest from there either, where the held ones were left. A model that does not come to rest in any way is taken
     as it was left with held ones: what it lacks may be what keeps it from that.
-    end: on the clock of `time.time`, by which it should be there.
+    end: on the clock of `time.time`, by which it should be there. asking: whether one that explains nothing has its columns doubted.
     """
 
     def smoothed(what: str, way: Settings, begin: Smoothing | None = None) -> Smoothing | None:
@@ -176,9 +178,7 @@ def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) ->
         return near, HELD
     weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
     found = smoothed("", weighed)
-    if found is not None and lost(found):
-        raise InputError(_lost(problem, found, kept, say, end))
-    if found is not None and idle(found) and (said := _misread(problem, found, kept, say, end)):
+    if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):
         raise InputError(f"diagnose: {EXPLAINS_NOTHING} of what was recorded. It explains more if {said}.")
     if found is not None and not found.solver.converged and comparable(problem, found):
         found = smoothed(", from where it was left", onward, found) or found
@@ -196,29 +196,23 @@ def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf) ->
             return last, QUICKLY
     if near is not None:
         return near, HELD
-    if tried is not None:
-        raise InputError(_lost(problem, tried, kept, say, end))
-    raise InputError("diagnose: the model as it is could not be smoothed (it took too long); give better guesses.")
-
-
-def _lost(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end: float) -> str:
-    """What is said of a model that came to rest nowhere."""
-    status = f"diagnose: the model as it is could not be smoothed ({result.solver.status.rstrip('.')})"
-    if lost(result) and (said := _misread(problem, result, kept, say, end)):
-        return f"{status}. It can be if {said}."
-    notes = [note for note in result.notes if note.startswith("residual.")]
-    return f"{status}; give better guesses. {' '.join(notes)}".rstrip()
+    status = "it took too long" if tried is None else tried.solver.status.rstrip(".")
+    notes = [] if tried is None else [note for note in tried.notes if note.startswith("residual.")]
+    raise InputError(" ".join([f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.", *notes]))
 
 
 def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end: float) -> str:
     """What the columns of a study may be instead."""
     end = min(end, time.time() + READINGS)
 
-    def smoothed(what: str, other: Problem) -> Smoothing | None:
+    def smoothed(what: str, read: Reading) -> Smoothing | None:
         if time.time() > end:
             return None
         say(f"the model as it is{what}")
         way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
-        return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, other, settings=way))
+        try:
+            return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, read(problem), settings=way))
+        except (SolveError, InputError, ArithmeticError, LinAlgError):
+            return None
 
     return misread(problem, result, smoothed)

@@ -79,7 +79,7 @@ class Fits:
             for k, (name, c, start) in enumerate(open_ones):
                 self.say(f"fit {len(wanted) - len(open_ones) + k + 1} of {len(wanted)}: {c.title}")
                 share = max(LONGEST, 1.0 / (len(open_ones) - k + 1))
-                yield name, partial(fitted_there, blob, c.sent, start, base.settings, anew, self.end, share)
+                yield name, partial(fitted_there, blob, c.sent, start, base.settings, anew, self.end - self.owed, share)
 
         for name, fit in as_finished(self.pool, calls(), self.ahead):
             found[name] = fit

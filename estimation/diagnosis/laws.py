@@ -58,9 +58,9 @@ class Law:
     """A member of the library.
 
     make: kind -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
-    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths; instead: the same of what was a
-    candidate itself. carrier: (physics, word) of the law whose force waves. larger: which of two strengths is the larger one. there: (kind
-    of place, motion) -> whether there may be such a thing.
+    for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths; instead: class of a component that
+    was a candidate itself -> its word, and the own strength. carrier: (physics, word) of the law whose force waves. larger: which of two
+    strengths is the larger one. there: (kind of place, motion) -> whether there may be such a thing.
     """
 
     family: str
@@ -71,7 +71,7 @@ class Law:
     shapes: Callable[[Motion], Mapping[str, tuple[float, ...]]] = field(default=lambda _: {})
     quadrature: str | None = None
     absorbs: Mapping[str, str] = field(default_factory=dict)
-    instead: Mapping[str, str] = field(default_factory=dict)
+    instead: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     ratio: str | None = None
     carrier: tuple[str, str] | None = None
     larger: tuple[str, str] | None = None
@@ -171,7 +171,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         make=_component("", "EccentricWeight"),
         strengths=("tau_sin", "tau_cos"),
         one_sided=False,
-        instead={"k": "tau_sin", "k3": "tau_sin"},
+        instead={"RotationalSpring": ("k", "tau_sin")},
         label="weight",
         there=lambda kind, m: kind == "rotational" and SWUNG < m.span < 2 * pi,
     ),
@@ -224,10 +224,13 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collecti
     name = free_name(model, f"{law.label or law.physics}_{spot.name}")
     words = (*law.strengths, "v_s", "period", "amplitude")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
-    here = tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c", *law.instead})
+    here = tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c", *(word for word, _ in law.instead.values())})
     there = at_hand(model, spot, here) if len(spot.flanges) == 1 else {}
-    found = {word: [path for path in there.get(word, ()) if path.partition(".")[0] in brought] for word in law.instead}
-    absorbed = {own_name(model, path): f"{name}.{law.instead[word]}" for word, paths in found.items() for path in paths}
+    absorbed = dict[str, str]()
+    for kind, (word, strength) in law.instead.items():
+        found = [path for path in there.get(word, ()) if path.partition(".")[0] in brought]
+        same = [path for path in found if type(model.components[path.partition(".")[0]]).__name__ == kind]
+        absorbed |= {own_name(model, path): f"{name}.{strength}" for path in same}
     for word, instead in law.absorbs.items():
         for base in (*there.get(word, ()), *there.get(TURNED.get(word, ""), ())):
             owner, _, parameter = base.rpartition(".")

@@ -16,7 +16,7 @@ from .verdict import Finding, Tried
 
 LAST, TRIES = 200.0, 200  # s, at least, and iterations of the fit that tells whether it is needed
 NAMELESS = 0.02  # of the forces at a place: a force that lasts, is no larger, and that nothing explains is no finding
-SMALL = f"Less than {100 * FLOOR:.0f} % does not matter, whatever is said of residual forces below."
+SMALL = f"Less than {100 * FLOOR:.0f} % does not matter, whatever tests say of residual forces."
 UNEXPLAINED = 0.5  # of the left-over variance: a repair that leaves more than this is none
 
 

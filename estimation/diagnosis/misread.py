@@ -8,22 +8,23 @@ rest, and explains what it did not, is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
 
 from ..problem import Problem
-from ..recordings.recording import Recording
 from ..recordings.units import OTHERS, to_si
 from ..results import Smoothing
 from ..smoothing.explaining import EXPLAINS_NOTHING
 from ..wording import quoted
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
-Reading = Callable[[Recording], dict[str, Array]]
+Reading = Callable[[Problem], Problem]
+Value = TypeVar("Value")
 
 LOST = -100.0  # percent of fit: residuals are twice what the mean would leave
 MORE = 3.0  # times the residual forces of the best reading: with as much one is none
@@ -41,45 +42,68 @@ def idle(result: Smoothing) -> bool:
     return result.solver.converged and any(EXPLAINS_NOTHING in note for note in result.notes)
 
 
-def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Problem], Smoothing | None]) -> str:
+def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Reading], Smoothing | None]) -> str:
     """What a study's columns may be, and the remedy; "" where no other reading of one or two of its outputs makes the model explain them.
 
-    result: of the problem as it is. smoothed: what it is called, problem -> its smoothing, None where there is none in time.
+    result: of the problem as it is. smoothed: what it is called, how it is read -> its smoothing, None where there is none in time.
     """
     found = dict[str, float]()
-    for said, remedy, outputs in _readings(problem):
-        other = replace(problem, recordings=[replace(r, outputs=outputs(r)) for r in problem.recordings])
-        there = smoothed(f" if {said}", other)
+    for said, remedy, read in _readings(problem):
+        there = smoothed(f" if {said}", read)
         if there is not None and there.solver.converged and not (lost(there) or idle(there)):
-            found[f"{said}: {remedy}"] = _forces(there)
+            found[f"{said}: {remedy}"] = _force(there)
     most = MORE * min(found.values(), default=0.0)
     if idle(result):
-        most = min(most, LESS * _forces(result))
+        most = min(most, LESS * _force(result))
     return ", or if ".join(words for words, force in found.items() if force <= most)
 
 
-def _forces(result: Smoothing) -> float:
-    """Residual forces of all places together."""
-    return float(np.prod([r.rms for r in result.residual_places.values()]))
+def _force(result: Smoothing) -> float:
+    """Residual force, the geometric mean of all places that have any."""
+    forces = [r.rms for r in result.residual_places.values() if r.rms > 0]
+    return float(np.exp(np.mean(np.log(forces)))) if forces else 0.0
 
 
 def _readings(problem: Problem) -> Iterator[tuple[str, str, Reading]]:
-    """What columns may be in words, what to do then, and a recording's outputs as they are then."""
+    """What columns may be in words, what to do then, and the problem as it is then; what is the likeliest comes first."""
     outputs = [q for q in problem.dae.outputs if any(q.name in r.outputs for r in problem.recordings)]
-    for a, b in combinations([q.name for q in outputs], 2):
-        yield f"the columns of {a} and {b} are exchanged", "exchange them in the study", _exchanged(a, b)
+    pairs = list(combinations(outputs, 2))
     for q in outputs:
         yield f"{q.name} has the other sign", f"negate the column of {q.name}", _changed(q.name, np.negative)
+    for a, b in sorted(pairs, key=lambda pair: pair[0].unit != pair[1].unit):
+        yield f"the columns of {a.name} and {b.name} are exchanged", "exchange them in the study", _exchanged(a.name, b.name)
     for q in outputs:
         for unit in OTHERS.get(q.unit, ()):
-            change = partial(to_si, unit=unit, expected=q.unit, where=q.name)
-            yield f"{q.name} is in {quoted([unit])}", f"write unit = {quoted([unit])} at {q.name}", _changed(q.name, change)
+            said = f"{q.name} is {to_si(np.ones(1), unit, q.unit, where=q.name)[0]:.4g} of what its column says, as {quoted([unit])} are"
+            yield said, f"mend unit = ... at {q.name}", _changed(q.name, partial(to_si, unit=unit, expected=q.unit, where=q.name))
 
 
 def _changed(name: str, change: Callable[[Array], Array]) -> Reading:
-    return lambda r: {n: change(y) if n == name else y for n, y in r.outputs.items()}
+    def read(problem: Problem) -> Problem:
+        recordings = [replace(r, outputs={n: change(y) if n == name else y for n, y in r.outputs.items()}) for r in problem.recordings]
+        return replace(problem, recordings=recordings)
+
+    return read
 
 
 def _exchanged(a: str, b: str) -> Reading:
+    """With all that belongs to a column: its noise, its loss, what it lags behind, its weight."""
     to = {a: b, b: a}
-    return lambda r: {to.get(n, n): y for n, y in r.outputs.items()}
+
+    def other(table: Mapping[str, Value]) -> dict[str, Value]:
+        return {to.get(name, name): value for name, value in table.items()}
+
+    def read(problem: Problem) -> Problem:
+        recordings = [
+            replace(
+                r,
+                outputs=other(r.outputs),
+                output_std=other(r.output_std),
+                output_loss=other(r.output_loss),
+                advanced=other(r.advanced),
+            )
+            for r in problem.recordings
+        ]
+        return replace(problem, recordings=recordings, weights=replace(problem.weights, V=other(problem.weights.V)))
+
+    return read

@@ -37,6 +37,7 @@ FEW = 100.0  # nats: with less an effect is small
 FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
+OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 
@@ -106,14 +107,16 @@ class Search:
             scored = self._scored()
             if self._better_from_the_guesses(scored):
                 scored = self._scored()
-            more = self.fits.left > 0 and len(self.findings) < EFFECTS and self._went_on(scored)
+            late = self.fits.left == 0
+            more = not late and len(self.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
                 more |= self._weighed()
             if more:
                 self._eliminate()
                 self._held_again()
-        if self.fits.left == 0:
+        self.fits = replace(self.fits, owed=0.0)
+        if late or self.fits.left == 0:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._on_a_checked_mesh()
         self.renew()
@@ -246,7 +249,7 @@ class Search:
         brought = loose(self.findings, self.accepted, self.bare.model, self.model)
         scored = Round.of(self._base, self.bare, self.accepted, brought, self.fits, self.seed)
         self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
-        self.fits = replace(self.fits, owed=time.time() - began)
+        self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
         return replace(scored, fits=self.fits)
 
     def _better_from_the_guesses(self, scored: Round) -> bool:

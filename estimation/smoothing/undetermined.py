@@ -24,6 +24,7 @@ REMEDY = "Fix one, give it a std, or use a richer recording"
 LEFT = "; this takes nothing from the deviations of all others"
 FOLLOWED = 90.0  # percent of an output's variation
 NOTHING = 1e-4  # of the largest entry of a direction, each in its own size: less is rounding
+ROUNDING = 1e-10  # of a variance: less of a covariance is rounding
 
 
 def open_where_it_stopped(
@@ -89,13 +90,14 @@ def hardly_told(problem: Problem, solution: Solution, bounds: OnBounds | None) -
     unknowns = [everything[k] for k in here]
     size = np.array([abs(s) or 1.0 for _, _, s in unknowns])
     covariance = np.asarray(curvature.parameter_covariance[np.ix_(here, here)] / np.outer(size, size), dtype=np.float64)
-    information, share = _inverse(covariance), np.sqrt(np.diag(covariance))
+    known = covariance + ROUNDING * np.diag(np.diag(covariance))  # what is told exactly has an inverse too
+    information, share = np.linalg.inv(known), np.sqrt(np.diag(covariance))
     said, named = list[str](), set[int]()
     for j in np.argsort(-share).tolist():
-        if share[j] <= DETERMINED or j in named or (group := _together(information, j)) is None:
+        if share[j] <= DETERMINED or j in named or (group := _together(np.asarray(information), j)) is None:
             continue
         named |= set(group)
-        along = _inverse(information[np.ix_(group, group)])[:, 0]
+        along = np.linalg.inv(information[np.ix_(group, group)])[:, 0]
         step = np.zeros(len(everything))
         step[here[group]] = along / np.abs(along).max() * DETERMINED * size[group]
         far = np.abs(step[here[group]] / size[group])
@@ -112,7 +114,7 @@ def hardly_told(problem: Problem, solution: Solution, bounds: OnBounds | None) -
 def _together(information: Array, j: int) -> list[int] | None:
     """An unknown, and the fewest others that it is poorly told for, one after the other; None where it is so by itself."""
     count, group = len(information), [j]
-    alone = float(_inverse(information)[j, j])
+    alone = float(np.linalg.inv(information)[j, j])
     while len(group) < count:
         rest = [k for k in range(count) if k not in group]
         held = [_variance(information, j, [k for k in range(count) if k == j or k not in (*group, other)]) for other in rest]
@@ -124,12 +126,7 @@ def _together(information: Array, j: int) -> list[int] | None:
 
 def _variance(information: Array, j: int, free: list[int]) -> float:
     """Of unknown j where only these are free."""
-    return float(_inverse(information[np.ix_(free, free)])[free.index(j), free.index(j)])
-
-
-def _inverse(information: Array) -> Array:
-    """Of a symmetric matrix, zero along what it says nothing of."""
-    return np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
+    return float(np.linalg.inv(information[np.ix_(free, free)])[free.index(j), free.index(j)])
 
 
 def _way(step: Array, bounds: OnBounds | None, first: float) -> float:

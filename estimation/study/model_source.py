@@ -19,9 +19,9 @@ def load_model(text: str, folder: Path, *, label: str) -> Model | Dae:
 
     `label` begins the messages: the study's file and line. Raises InputError; an error in the user's file is given with its line there.
     """
-    if text.partition(":")[0].endswith(".mo"):
+    if _parts(text)[0].endswith(".mo"):
         return _from_modelica(text, folder, label)
-    if text.partition(":")[0].endswith(".py"):
+    if _parts(text)[0].endswith(".py"):
         return _from_file(text, folder, label)
     from backsight.models.plants import PLANTS
 
@@ -30,6 +30,12 @@ def load_model(text: str, folder: Path, *, label: str) -> Model | Dae:
         raise InputError(f'{label}: model = "{text}" is no plant; {suggestion(text, PLANTS)} ({own})')
     model: Model | Dae = PLANTS[text]()
     return model
+
+
+def _parts(text: str) -> tuple[str, str]:
+    """File and what it holds; a folder may have a colon, too."""
+    file, _, name = text.rpartition(":")
+    return (text, "") if text.endswith((".py", ".mo")) else (file, name)
 
 
 def compiled(model: Model | Dae, *, label: str, places: tuple[str, ...] = ()) -> Dae:
@@ -43,7 +49,7 @@ def compiled(model: Model | Dae, *, label: str, places: tuple[str, ...] = ()) ->
 
 
 def _from_file(text: str, folder: Path, label: str) -> Model | Dae:
-    file, _, function = text.partition(":")
+    file, function = _parts(text)
     if not function:
         raise InputError(f'{label}: model = "{text}" names no function; write "{file}:function", with the function that returns the model')
     path = folder / file
@@ -68,7 +74,7 @@ def _from_file(text: str, folder: Path, label: str) -> Model | Dae:
 
 
 def _from_modelica(text: str, folder: Path, label: str) -> Model:
-    file, _, name = text.partition(":")
+    file, name = _parts(text)
     from backsight.models.exchange.modelica import load_modelica
 
     try:

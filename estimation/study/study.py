@@ -85,8 +85,8 @@ class Study:
             raise InputError(sentence(error, label, text)) from None
 
     def of(self, model: str) -> Study:
-        """The same of another model, named as `model` of a study would name it."""
-        return replace(self, file=self.file.model_copy(update={"model": model}))
+        """The same of another model, named as `model` of a study would name it, with that model's own numbers."""
+        return replace(self, file=self.file.model_copy(update={"model": model, "parameters": {}}))
 
     @cached_property
     def model(self) -> Model | Dae:

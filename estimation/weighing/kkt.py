@@ -89,7 +89,7 @@ class Kkt:
         """Inverse of the border's Schur complement; what the data leave open is left alone. Raises SolveError where it has no numbers."""
         S = self.matrix[self.border][:, self.border].toarray() - self._edge.T @ self._across
         if not np.isfinite(S).all():
-            raise SolveError("the equations linearised at the solution have derivatives that are no numbers, or none at all")
+            raise SolveError("the equations linearised at the solution have derivatives that are not finite")
         size = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(S)), np.finfo(float).tiny))
         return np.asarray(size[:, None] * np.linalg.pinv(size[:, None] * S * size, hermitian=True, rcond=1e-13) * size)
 

@@ -117,14 +117,28 @@ def test_the_repaired_model_is_a_file_that_a_study_names_as_its_model(study, sea
     assert {name: simulated[name]["value"] for name in told} == told
 
 
-def test_a_study_is_simulated_with_the_repaired_model_of_its_diagnosis(study, search, capsys, monkeypatch):
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_study_is_simulated_with_the_repaired_model_of_its_diagnosis(study, search, capsys, monkeypatch, jobs):
+    """With all of its numbers, fixed ones too, and in other processes too."""
+    _, _, recording = STUDY.partition("[[recording]]")
+    study.write_text(STUDY + "\n[[recording]]" + recording.replace("[0.0, 1.0]", "[1.0, 2.0]"), encoding="utf-8")
     assert main(["diagnose", str(study), "--json"]) == 0
-    told = {name: p["value"] for name, p in json.loads(capsys.readouterr().out)["parameters"].items() if not p["fixed"]}
+    told = {name: p["value"] for name, p in json.loads(capsys.readouterr().out)["parameters"].items()}
     monkeypatch.chdir(study.parent)
-    assert main(["simulate", "axis.toml", "--estimates", "axis_diagnosed", "--json"]) == 0
-    simulated = {name: p["value"] for name, p in json.loads(capsys.readouterr().out)["parameters"].items()}
-    assert "friction.f_c" in told
-    assert told.items() <= simulated.items()
+    assert main(["simulate", "axis.toml", "--estimates", "axis_diagnosed", "--json", "--jobs", jobs]) == 0
+    simulated = json.loads(capsys.readouterr().out)
+    assert told["friction.f_c"] > 1.0  # the study says 0
+    assert told == {name: p["value"] for name, p in simulated["parameters"].items()}
+    assert len(simulated["recordings"]) == 2
+
+
+def test_a_repaired_model_that_could_not_be_written_is_not_simulated_as_if_it_were_the_declared_one(study, search, capsys, monkeypatch):
+    assert main(["diagnose", str(study), "--json"]) == 0
+    result = study.parent / "axis_diagnosed" / "result.json"
+    result.write_text(json.dumps(json.loads(result.read_text(encoding="utf-8")) | {"repaired_model": None}), encoding="utf-8")
+    capsys.readouterr()
+    assert main(["simulate", str(study), "--estimates", str(result.parent)]) == 2
+    assert "has a component of a class of your own and was not written; put coulomb_friction into" in capsys.readouterr().err
 
 
 def test_where_nothing_was_found_there_is_no_repaired_model(study, search, capsys):

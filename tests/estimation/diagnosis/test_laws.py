@@ -255,3 +255,6 @@ def test_a_weight_takes_the_place_of_a_spring_that_was_found_and_of_none_that_th
     sprung = found.edited(model)
     assert of_law(weight, sprung, spot, WIDE, {brought}).replaces(found)
     assert not of_law(weight, sprung, spot, WIDE).absorbs
+    stop = of_law(next(law for law in AGAINST_GROUND if law.physics == "end_stop"), model, spot, WIDE)
+    (stopping,) = {path.partition(".")[0] for path in stop.strengths}
+    assert not of_law(weight, stop.edited(model), spot, WIDE, {stopping}).absorbs

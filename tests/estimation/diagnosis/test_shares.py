@@ -9,6 +9,7 @@ import pytest
 from concealed_axis import posed, run, smoothed
 
 from backsight.estimation import Weights, smooth
+from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
@@ -108,6 +109,14 @@ def test_limits_are_in_order_one_for_each_parameter_of_an_effect_in_units_of_the
     stops = [s.candidate for s in found.found if s.candidate.key == ("carriage", "end_stop")]
     assert len(stops) > 1  # on either side
     assert next(u.unit for u in out if u.physics == "sensor_drift") == "m/s"
+
+
+@pytest.mark.parametrize(("signal", "rate"), [("m", "m/s"), ("rad/s", "rad/s2"), ("m/s2", "m/s3"), ("N.m", "N.m/s"), ("", "/s")])
+def test_a_rate_has_the_unit_of_its_signal_per_second(signal, rate):
+    drift = Candidate(place="sensor:y", family="sensor", physics="sensor_drift")
+    assert drift.said("/s", {"y": signal}) == rate
+    assert drift.said("", {"y": signal}) == signal
+    assert drift.said("s", {"y": signal}) == "s"
 
 
 def test_what_would_have_been_seen_hangs_on_the_shape_in_the_middle_not_on_that_of_most_gain(axis):

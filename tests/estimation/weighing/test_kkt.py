@@ -24,5 +24,5 @@ def test_columns_are_solved_as_a_dense_solve_has_them():
 
 @pytest.mark.parametrize("corner", [np.nan, np.inf])
 def test_a_matrix_without_numbers_is_no_fault_of_the_linear_algebra(corner):
-    with pytest.raises(SolveError, match="no numbers"):
+    with pytest.raises(SolveError, match="not finite"):
         matrix(corner).solved(np.ones((6, 1)))
