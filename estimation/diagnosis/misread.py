@@ -72,10 +72,12 @@ def _readings(problem: Problem) -> Iterator[tuple[str, str, Reading]]:
         yield f"{q.name} has the other sign", f"negate the column of {q.name}", _changed(q.name, np.negative)
     for a, b in sorted(pairs, key=lambda pair: pair[0].unit != pair[1].unit):
         yield f"the columns of {a.name} and {b.name} are exchanged", "exchange them in the study", _exchanged(a.name, b.name)
-    for q in outputs:
-        for unit in OTHERS.get(q.unit, ()):
-            said = f"{q.name} is {to_si(np.ones(1), unit, q.unit, where=q.name)[0]:.4g} of what its column says, as {quoted([unit])} are"
-            yield said, f"mend unit = ... at {q.name}", _changed(q.name, partial(to_si, unit=unit, expected=q.unit, where=q.name))
+    for power, words in ((1.0, "{0} read as {1}"), (-1.0, "{1} read as {0}")):
+        for q in outputs:
+            for unit in OTHERS.get(q.unit, ()):
+                times = float(to_si(np.ones(1), unit, q.unit, where=q.name)[0]) ** power
+                said = f"{q.name} is {times:.4g} times what its column says, as of {words.format(quoted([unit]), quoted([q.unit]))}"
+                yield said, f"mend its unit in the study at {q.name}", _changed(q.name, partial(np.multiply, times))
 
 
 def _changed(name: str, change: Callable[[Array], Array]) -> Reading:

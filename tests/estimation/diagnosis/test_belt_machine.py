@@ -96,7 +96,10 @@ DEGREES = 180.0 / np.pi
 @pytest.mark.parametrize(
     ("read", "said"),
     [
-        (lambda y: {"phi": DEGREES * y["phi"], "s": y["s"]}, 'phi is 0.01745 of what its column says, as "deg" are: mend unit'),
+        (
+            lambda y: {"phi": DEGREES * y["phi"], "s": y["s"]},
+            'phi is 0.01745 times what its column says, as of "deg" read as "rad"',
+        ),
         (lambda y: {"phi": y["s"], "s": y["phi"]}, "the columns of phi and s are exchanged"),
         (lambda y: {"phi": y["phi"], "s": -y["s"]}, "s has the other sign: negate the column of s"),
     ],
