@@ -39,9 +39,9 @@ def repaired_code(found: Diagnosis) -> str | None:
     from backsight.models.errors import ModelError
     from backsight.models.exchange import python_code
 
-    from ..diagnosis.words import UNKNOWN, sentence
+    from ..diagnosis.words import repairs, sentence
 
-    if all(f.explanation.physics == UNKNOWN for f in found.findings):
+    if not repairs(found):
         return None
     try:
         return python_code(found.model, said=sentence(found))

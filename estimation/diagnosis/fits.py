@@ -58,9 +58,14 @@ class Fits:
     owed: float = 0.0
 
     @property
+    def until(self) -> float:
+        """When fits are over, on the same clock."""
+        return self.end - self.owed
+
+    @property
     def left(self) -> float:
         """Time that fits have [s]."""
-        return max(self.end - self.owed - time.time(), 0.0)
+        return max(self.until - time.time(), 0.0)
 
     def candidates(self, base: Base, wanted: Sequence[tuple[Candidate, Screened | None]], *, anew: bool = False) -> list[Judged]:
         """The candidates fitted, from where the base came to rest. anew: from the guesses of its problem instead."""
@@ -79,7 +84,7 @@ class Fits:
             for k, (name, c, start) in enumerate(open_ones):
                 self.say(f"fit {len(wanted) - len(open_ones) + k + 1} of {len(wanted)}: {c.title}")
                 share = max(LONGEST, 1.0 / (len(open_ones) - k + 1))
-                yield name, partial(fitted_there, blob, c.sent, start, base.settings, anew, self.end - self.owed, share)
+                yield name, partial(fitted_there, blob, c.sent, start, base.settings, anew, self.until, share)
 
         for name, fit in as_finished(self.pool, calls(), self.ahead):
             found[name] = fit

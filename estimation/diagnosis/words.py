@@ -26,6 +26,11 @@ def withdrawn(findings: Sequence[Finding], held_out: HeldOut) -> str:
     return f"Not borne out: {listed(told)}, by what was fitted. Of what was held out prediction errors are {worse} larger with it."
 
 
+def repairs(found: Diagnosis) -> bool:
+    """Whether anything that has a name was found, and put into the model."""
+    return any(f.explanation.physics != UNKNOWN for f in found.findings)
+
+
 def sentence(found: Diagnosis) -> str:
     """The verdict: The model leaves out coulomb friction at carriage (f_c = 20.31 ± 0.12 N). Held out: prediction errors 71 % smaller."""
     return f"{_verdict(found)}{gain(found.held_out)}"

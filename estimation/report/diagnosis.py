@@ -12,7 +12,7 @@ import numpy as np
 
 from backsight.models import Model
 
-from ..diagnosis.words import CONTRADICTED, UNKNOWN, numbers, sentence, when, with_deviation
+from ..diagnosis.words import CONTRADICTED, numbers, repairs, sentence, when, with_deviation
 from ..wording import chance, probability
 from .answer import code, joined
 from .diagnosis_figures import held_out_charts, mismatch_chart, mismatch_scatter, window_chart
@@ -110,8 +110,7 @@ def _residuals(found: Diagnosis) -> str:
 
 def _results(found: Diagnosis) -> dict[str, Smoothing]:
     """What stands side by side in tables: the model as declared and the repaired one, where something was repaired."""
-    repaired = any(f.explanation.physics != UNKNOWN for f in found.findings)
-    return {"model as declared": found.before} | ({"with the repair": found.after} if repaired else {})
+    return {"model as declared": found.before} | ({"with the repair": found.after} if repairs(found) else {})
 
 
 def _when(found: Diagnosis) -> str:
