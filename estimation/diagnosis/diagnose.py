@@ -93,6 +93,7 @@ def diagnose(
             held=tuple(steadied.recordings) if straight else None,
         )
         search.run()
+    first = search.first
     if straight and search.held is None:
         straight, first = "", as_said[0]
     verdict, first = search.verdict(), without_offsets(first)

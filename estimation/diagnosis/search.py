@@ -63,7 +63,8 @@ class Search:
 
     fits: where candidates are fitted, and until when; settings: of these; seed: of what is drawn. held: recordings whose inputs are held,
     as a study has them, where straight ones were better for the model as it is. compared: whether models could be. moved: how often
-    the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too.
+    the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the
+    model without anything that was found, with weights from the data as soon as it has them.
     """
 
     problem: Problem
@@ -84,14 +85,14 @@ class Search:
     compared: bool = field(default=True, init=False)
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
-    _first: Smoothing = field(init=False, repr=False)
+    first: Smoothing = field(init=False, repr=False)
     _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.bare = Bare(problem=self.problem, model=self.model)
-        self._first = self.result
+        self.first = self.result
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -291,20 +292,22 @@ class Search:
     def _weighed(self) -> bool:
         """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these.
 
-        What was found last at held weights is taken back where these do not bear it out.
+        What was found last at held weights is taken back where these do not bear it out, and where it gained little: then it is sought
+        once more, for a force with a memory and less than its share gains as much.
         """
         self.fits.say("weights from the data")
         found = self.fits.weighed(self._base, self.problem, self.result)
         if found is None:
             return False
-        if self.before is not None and idle(self.accepted[-1], found[1]):
-            self.fits.say(f"{self.accepted[-1].title} is not borne out")
+        if self.before is not None and (idle(self.accepted[-1], found[1]) or self.findings[-1].gain < FEW):
+            self.fits.say(f"{self.accepted[-1].title} is asked again")
             again = self.fits.weighed(self._base, self.before.problem, found[1])
             if again is not None:
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
         (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
         if not self.findings:
+            self.first = self.result
             self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
         return True
 
@@ -371,7 +374,7 @@ class Search:
 
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""
-        self.problem, self.model, self.result = self.bare.problem, self.bare.model, self._first
+        self.problem, self.model, self.result = self.bare.problem, self.bare.model, self.first
         self.findings, self.accepted = [f for f in self.findings if f.explanation.physics == UNKNOWN], []
 
     def verdict(self) -> Class:

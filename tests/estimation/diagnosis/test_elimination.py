@@ -6,19 +6,21 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from math import inf, nan
 
+import pytest
 from concealed_axis import posed, run
 
-from backsight.estimation import Free, smooth
+from backsight.estimation import Free, Weights, smooth
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import QUICKLY, settled
+from backsight.estimation.diagnosis.refit import HELD, QUICKLY, settled
 from backsight.estimation.diagnosis.refit import posed as having
-from backsight.estimation.diagnosis.search import Search
+from backsight.estimation.diagnosis.search import Before, Search
 from backsight.estimation.diagnosis.verdict import Explanation, Finding
+from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.plants import actuator
 
 MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
@@ -70,6 +72,23 @@ def test_what_is_something_beside_it_stays():
     search._eliminate()
     assert [f.explanation.physics for f in search.findings] == ["cubic_spring", "coulomb_friction"]
     assert "cubic_spring_carriage" in search.model.components
+
+
+@pytest.mark.parametrize(("gain", "stays"), [(13.0, False), (500.0, True)])
+def test_little_gained_at_held_weights_is_sought_again_with_those_of_the_data(gain: float, stays: bool):
+    bare, friction = posed(run(1.0, 2e-3, f_c=20.0)), law("coulomb_friction")
+    bare = replace(bare, weights=Weights())
+    fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
+    search = Search(problem=bare, model=bare.model, result=smoothing(bare, settings=HELD), fits=fits, settings=HELD)
+    problem, model = having(bare, bare.model, friction, {})
+    search.before = Before(problem=bare, model=bare.model, findings=[], accepted=[])
+    search.problem, search.model, search.result = problem, model, smoothing(problem, settings=HELD)
+    search.accepted, search.findings = [friction], [found(friction, gain)]
+    assert search._weighed()
+    assert search.settings.weigh
+    assert ("coulomb_friction_carriage" in search.model.components) is stays
+    assert len(search.findings) == len(search.accepted) == stays
+    assert (search.first is search.result) is not stays
 
 
 def test_what_a_later_one_needs_cannot_go():
