@@ -38,7 +38,8 @@ SUSPECTS = ("parameter", "sensor", "actuator")
 @contextmanager
 def without(stage: str, held: set[str]) -> Iterator[None]:
     """`diagnose` with a stage left out; held: parameters of which nobody doubts the values."""
-    from backsight.estimation.diagnosis import chance, library, search
+    from backsight.estimation.diagnosis import chance, library
+    from backsight.estimation.diagnosis import round as of_search
     from backsight.estimation.smoothing import meshing, program, work
     from backsight.estimation.smoothing.mesh_error import Checked
 
@@ -61,9 +62,9 @@ def without(stage: str, held: set[str]) -> Iterator[None]:
         if stage == "draws":
             stack.enter_context(patch.object(chance.Chance, "share", 1.0))
         elif stage == "rivals":
-            stack.enter_context(patch.object(search, "library", physics))
+            stack.enter_context(patch.object(of_search, "library", physics))
         elif stage == "own":
-            stack.enter_context(patch.object(search, "library", unheld))
+            stack.enter_context(patch.object(of_search, "library", unheld))
         elif stage == "rest":
             stack.enter_context(patch.object(program, "open_at_rest", none))
             stack.enter_context(patch.object(work, "wants_room", lambda *_: False))
