@@ -6,6 +6,7 @@ ceiling  on a body that no output shows: with a larger force the model says noth
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
@@ -15,7 +16,7 @@ from backsight.ocp.follow import Followed
 
 from ..problem import Problem
 from .along import RIGID, exact_forces, white_forces
-from .approach import NEAR, TIGHTEST, approach
+from .approach import NEAR, TIGHTEST, Approach, approach
 from .begun import Begun
 from .initial_guess import balance
 from .meshing import follow_closely
@@ -47,22 +48,42 @@ class Start:
     strengths: dict[int, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Gone:
+    """A way from the samples to the model, of a problem and a mesh step."""
+
+    plain: weakref.ref[Problem]
+    step: float | None
+    way: Approach
+
+
+_gone = list[_Gone]()  # the last one: a problem that is smoothed again with weights chosen in another way begins where it ended
+
+
+def _followed(plain: Problem, stds: Stds, settings: Settings, say: Callable[[str], None]) -> Followed:
+    say("following the samples")
+    return follow_closely(plain, stds, settings.step)
+
+
 def from_samples(plain: Problem, stds: Stds, laws: tuple[FrictionLaw, ...], settings: Settings, say: Callable[[str], None]) -> Start:
     """Trajectories that follow the samples, and then the model."""
-    say("following the samples")
-    followed, parameters = follow_closely(plain, stds, settings.step), plain.values
     tight = TIGHT if settings.weigh and Losses.of(plain) is not None else 1.0
     if not (plain.free or unseen_states(plain)):
-        held = balance(plain, followed, parameters).force_std
-        return Start(followed=followed, parameters=parameters, force_std={k: tight * std for k, std in held.items()})
+        followed = _followed(plain, stds, settings, say)
+        held = balance(plain, followed, plain.values).force_std
+        return Start(followed=followed, parameters=plain.values, force_std={k: tight * std for k, std in held.items()})
     given = {k: plain.weights.W[p.name] for k, p in enumerate(plain.dae.places) if p.name in plain.weights.W}
-    begun = approach(plain, followed, laws, parameters, given, say)
+    last = next((gone for gone in _gone if gone.plain() is plain and gone.step == settings.step), None)
+    if last is None:
+        way = approach(plain, _followed(plain, stds, settings, say), laws, plain.values, given, say)
+        _gone[:] = [last := _Gone(plain=weakref.ref(plain), step=settings.step, way=way)]
+    begun = last.way
     exact = exact_forces(plain, begun.followed, begun.parameters)
     # where a way stopped short its forces say nothing
     hidden = moving_unseen(plain) & begun.force_std.keys() - given.keys() if begun.share <= NEAR else set[int]()
     return Start(
         followed=begun.followed,
-        parameters=begun.parameters,
+        parameters=begun.parameters.copy(),
         force_std={k: tight * std for k, std in begun.force_std.items()},
         floor={k: min(RIGID * begun.whole[k], exact[k]) for k in begun.force_std},
         ceiling={k: WILD * begun.whole[k] for k in hidden},
