@@ -29,6 +29,7 @@ from .fits import Base, Fits
 from .indistinct import indistinct
 from .left_over import UNEXPLAINED
 from .library import library
+from .misfit import NEARER, OFF, off
 from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
@@ -103,7 +104,7 @@ class Round:
         self._fit_the_likely(now)
         plain = [fit for fit in self.fitted if explaining(*fit)]
         hinted = most > HINT * FLOOR or (self.base.settings.weigh and coloured(self.base.result))
-        if not self._explained(plain) and (most > FLOOR or (hinted and not plain)):
+        if (not self._explained(plain) and (most > FLOOR or (hinted and not plain))) or self._contradicting(plain):
             self._fit([(c, None) for c in self.candidates if c.dear and self._left_near(c.place, most) >= NEAR * most], now)
         self.fitted.sort(key=lambda f: (-f[2].gain, f[0].rank))
         good = self._borne_out(self.fitted)
@@ -262,6 +263,11 @@ class Round:
         worst = max(left, key=lambda p: left[p], default="")
         after = [f.result.residual_places[worst].rms for _, _, f in fits if f.result is not None and worst in f.result.residual_places]
         return bool(after) and min(after) ** 2 < (1.0 - UNEXPLAINED) * before[worst].rms ** 2
+
+    def _contradicting(self, fits: list[Judged]) -> bool:
+        """Whether outputs contradict each other beside the model as it is, and with each of the fits."""
+        after = [off(f.problem, f.result) for _, _, f in fits if f.problem is not None and f.result is not None]
+        return self.sizes.off > OFF and min(after, default=self.sizes.off) > NEARER * self.sizes.off
 
     def _left_near(self, place: str, most: float) -> float:
         """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""

@@ -16,6 +16,7 @@ from ..results import Smoothing
 from ..smoothing.along import forces
 from ..smoothing.begun import followed_by
 from ..smoothing.rest import near_rest
+from .misfit import NEARER, OFF, off
 from .regimes import Mask, regime
 from .score import Linearised
 from .screen import SURE, Screen, Screened
@@ -32,14 +33,14 @@ BEYOND = 3.0  # times the forces at a place: an effect of that size would be nee
 
 
 class Sizes:
-    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them."""
+    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them; how far outputs are off."""
 
     def __init__(self, problem: Problem, result: Smoothing, base: Linearised) -> None:
         """base: of the result's solution."""
         self.base, self.solution, self.result = base, base.solution, result
         self.forces, self.varying = (_forces(problem, self.solution, varying=only) for only in (False, True))
         self.names = list(self.forces)
-        self.left = _left(result, self.forces)
+        self.left, self.off = _left(result, self.forces), off(problem, result)
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
@@ -82,9 +83,9 @@ class Sizes:
 def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:
     """Whether a model that has one more effect leaves more over at the worst place than the model did without it, and as much as matters.
 
-    result: with its solution.
+    Not where outputs contradicted each other and no longer do: what they were off is known as forces then. result: with its solution.
     """
-    if result.solution is None:
+    if result.solution is None or (before.off > OFF and off(problem, result) < NEARER * before.off):
         return False
     most = max(_left(result, _forces(problem, result.solution)).values(), default=0.0)
     return most > FLOOR and most > GROWN * max(before.left.values(), default=0.0)

@@ -1,0 +1,21 @@
+"""How far outputs are off: what residual forces cannot take, since two sensors read one rigid motion, and say two things of it."""
+
+from __future__ import annotations
+
+from ..problem import Problem
+from ..results import Smoothing
+from ..smoothing.horizons import shown_noise
+
+OFF = 3.0  # times its noise, rms: an output that is further off contradicts another one
+NEARER = 0.5  # times as far off: then what was contradicted is explained
+
+
+def off(problem: Problem, result: Smoothing) -> float:
+    """Rms of what an output is off over its noise, as that is given or its samples show it beyond doubt; the largest one."""
+    shown, found = shown_noise(problem), [0.0]
+    for row, piece in zip(shown, problem.fitted, strict=True):
+        for i, q in enumerate(problem.dae.outputs):
+            if (fit := result.fit.get(piece.name, {}).get(q.name)) is not None:
+                size = problem.weights.noise(q.name, piece) or q.noise_std or row[i]
+                found.append(fit.ordinary.rms / size if size > 0 else 0.0)
+    return max(found)
