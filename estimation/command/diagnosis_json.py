@@ -81,6 +81,7 @@ def _tried(t: Tried) -> dict[str, Any]:
 def _held_out(held: HeldOut) -> dict[str, Any]:
     units = {name: errors.unit for name, errors in held.before.items()}
     return {
+        "repaired": held.repaired,
         "before": _errors(held, "before"),
         "after": _errors(held, "after"),
         "improvement_percent": held.improvement_percent,

@@ -86,7 +86,8 @@ def diagnosis_table(found: Diagnosis) -> Group:
             table.add_row("  to be told apart by", escape(f.separates))
     if held := found.held_out:
         for name, errors in held.before.items():
-            spans = ", ".join(f"{rms:.3g} to {held.after[name].windows[s]:.3g} over {s:.3g} s" for s, rms in errors.windows.items())
+            then = {s: f" to {held.after[name].windows[s]:.3g}" if held.repaired else "" for s in errors.windows}
+            spans = ", ".join(f"{rms:.3g}{then[s]} over {s:.3g} s" for s, rms in errors.windows.items())
             table.add_row(escape(f"held out: error of {name} [{errors.unit}]"), spans)
     return Group(said, table) if table.row_count else Group(said)
 

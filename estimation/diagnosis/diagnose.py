@@ -105,32 +105,34 @@ def diagnose(
         notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
-    held_out = None
-    if search.named:
-        say("proof on what was held out")
-        proof = Proof(
-            recordings=[r for r in recordings if r.role == "held_out"],
-            role="held_out" if split is None else "last third",
-            end=time.monotonic() + seconds + PROOF - (time.perf_counter() - began),
-            say=say,
-        )
+    held_out, what = None, "what was held out"
+    say(f"proof on {what}" if search.named else f"the model on {what}")
+    proof = Proof(
+        recordings=[r for r in recordings if r.role == "held_out"],
+        role="held_out" if split is None else "last third",
+        end=time.monotonic() + seconds + PROOF - (time.perf_counter() - began),
+        say=say,
+    )
 
-        def seen(case: Case) -> Case:
-            return replace(case[0], recordings=recordings, initial=problem.initial), at_nothing(case[1])
+    def seen(case: Case) -> Case:
+        return replace(case[0], recordings=recordings, initial=problem.initial), at_nothing(case[1])
 
-        try:
-            base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
+    try:
+        base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
+        if search.named:
             repaired = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
             repaired, gone = contradicted(search, proof, repaired, seen)
             notes, verdict = [*notes, *gone], search.verdict() if gone else verdict
             held_out = proof.compared(base, repaired)
-        except (SolveError, InputError) as error:
-            notes.append(f"What was held out could not be predicted: {error}")
+        else:
+            held_out = proof.compared(base, base).unrepaired
+    except (SolveError, InputError) as error:
+        notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
         if search.faint:
             notes.append(withdrawn(search.findings, held_out))
             search.withdraw()
-            verdict, held_out = search.verdict(), None
+            verdict, held_out = search.verdict(), held_out.unrepaired
         else:
             notes.append(CONTRADICTED)
             verdict = verdict if verdict == "unknown_physics" else "undecided"

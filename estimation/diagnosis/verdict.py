@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import nan
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -144,12 +145,12 @@ class Errors:
 
 @dataclass(frozen=True, kw_only=True)
 class HeldOut:
-    """The proof on recordings that the fit has not seen: base model refitted (before) against the repaired one (after).
+    """The proof on recordings that the fit has not seen: base model refitted (before) against the repaired one (after), if there is one.
 
     improvement_percent: of the windowed prediction errors, geometric mean over outputs and horizons. p_value: one-sided, over blocks.
     force: place -> rms of the residual force (before, after). attainable_percent: of what forces that are free at every place would take
     from the errors (arithmetic mean over outputs and horizons), None where that is next to nothing. role: "held_out", or "last third" of
-    the only recording.
+    the only recording. repaired: whether there is a repaired model; without, nothing is gained and no chance is told.
     """
 
     before: Mapping[str, Errors]
@@ -161,6 +162,15 @@ class HeldOut:
     role: str
     force: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     attainable_percent: float | None = None
+    repaired: bool = True
+
+    @property
+    def unrepaired(self) -> HeldOut:
+        """Of the base model alone: what it predicts, and nothing gained."""
+        little = None if self.attainable_percent is None else 0.0
+        force = {place: (first, first, unit) for place, (first, _, unit) in self.force.items()}
+        alone = replace(self, repaired=False, after=self.before, force=force)
+        return replace(alone, improvement_percent=0.0, p_value=nan, attainable_percent=little)
 
     @property
     def refuting(self) -> bool:

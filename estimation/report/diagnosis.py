@@ -38,7 +38,7 @@ def write_diagnosis_report(found: Diagnosis, path: str | Path) -> None:
         ("when", "When, and what it goes with", _when(found)),
         ("what", "What it is", _what(found)),
         ("tried", "What was tried", _tried(found)),
-        ("held-out", "Before and after, on what the fit has not seen", _held_out(found)),
+        ("held-out", _heading(found), _held_out(found)),
         ("parameters", "Parameters", _parameters(found)),
         ("limits", "What could not have been seen", _limits(found)),
         ("notes", "Notes", _notes(found)),
@@ -67,7 +67,7 @@ def _doubts(found: Diagnosis) -> str:
         said.append("Nothing was held out: the repair is not proven on other data.")
     elif held is not None and held.refuting:
         said.append(CONTRADICTED)
-    elif found.findings and held is not None and not held.p_value < 0.05:
+    elif held is not None and held.repaired and not held.p_value < 0.05:
         said.append(f"What was held out does not confirm the repair ({escape(probability(held.p_value)) or 'no p'}).")
     items = "".join(f"<li>{s}</li>" for s in said)
     return f"<div class=odd><b>Mind</b><ul>{items}</ul></div>" if said else ""
@@ -181,6 +181,11 @@ def _tried(found: Diagnosis) -> str:
     return table(head, rows, words=(0, 1, 4), codes=(1,)) + note
 
 
+def _heading(found: Diagnosis) -> str:
+    before = "" if found.held_out is None or not found.held_out.repaired else "Before and after, on what"
+    return f"{before or 'What'} the fit has not seen"
+
+
 def _held_out(found: Diagnosis) -> str:
     held = found.held_out
     if held is None:
@@ -188,9 +193,15 @@ def _held_out(found: Diagnosis) -> str:
     rows = [row for name, errors in held.before.items() for row in _errors(name, errors, held)]
     said = (
         f"Windows of {joined([code(r) for r in held.recordings]) or escape(held.role)} are predicted with the inputs alone, from the "
-        "state at their first row, by the model as declared with its parameters fitted again and by the repaired one. Prediction "
-        f"errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows below), "
-        f"{escape(probability(held.p_value))} from {held.blocks} blocks."
+        "state at their first row, by the model as declared with its parameters fitted again"
+    )
+    if not held.repaired:
+        forces = [[place, quantity(a, unit)] for place, (a, _, unit) in held.force.items()]
+        beside = table(["residual force on what was held out, at", "rms"], forces) if forces else ""
+        return f"<p>{said}.</p>{table(['output', 'over', 'rms error'], [r[:3] for r in rows])}{drawn(window_chart(held))}{beside}"
+    said += (
+        f" and by the repaired one. Prediction errors are <b>{escape(_change(held.improvement_percent))}</b> (geometric mean of all rows "
+        f"below), {escape(probability(held.p_value))} from {held.blocks} blocks."
     )
     if held.attainable_percent is not None:
         said += f" That is {number(held.attainable_percent, 3)} % of what forces that are free at every place would take from them."

@@ -74,7 +74,8 @@ def window_chart(held: HeldOut) -> Chart | None:
     panels = []
     for name in sorted(shown, key=gain)[:ABREAST]:
         curves = []
-        for errors, (word, colour) in zip((held.before[name], held.after[name]), SIDES, strict=True):
+        sides = [(held.before[name], SIDES[0]), (held.after[name], SIDES[1])] if held.repaired else [(held.before[name], SIDES[0])]
+        for errors, (word, colour) in sides:
             spans = np.array([0.0, *errors.windows])
             rms = np.array([np.nan, *errors.windows.values()])
             curves.append(Curve(name=word, x=spans, y=rms, colour=colour, look="joined"))

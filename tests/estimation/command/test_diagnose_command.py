@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -246,3 +247,14 @@ def test_a_strength_has_the_digits_that_its_deviation_leaves(value, std, unit, t
 
 def test_a_diagnosis_without_a_proof_says_null():
     assert result_of_diagnosis(replace(diagnosis(), held_out=None))["held_out"] is None
+
+
+def test_what_the_model_predicts_without_a_repair_has_no_gain_and_no_chance():
+    had = diagnosis()
+    told = result_of_diagnosis(replace(had, verdict="none", findings=(), held_out=had.held_out.unrepaired))["held_out"]
+    assert told["before"] == told["after"]
+    assert told["before"]["x"] == result_of_diagnosis(had)["held_out"]["before"]["x"]
+    assert told["repaired"] is False
+    assert told["improvement_percent"] == 0.0
+    assert math.isnan(told["p_value"])  # null in the file
+    assert sentence(replace(had, verdict="none", findings=(), held_out=had.held_out.unrepaired)).endswith("stands out of these recordings.")

@@ -106,7 +106,13 @@ def test_a_machine_that_lacks_nothing_is_told_so_with_what_could_not_have_been_s
     d = clean()
     assert d.verdict == "none"
     assert d.findings == ()
-    assert d.held_out is None
+    assert d.held_out is not None
+    assert not d.held_out.repaired
+    assert d.held_out.after == d.held_out.before
+    assert np.isnan(d.held_out.p_value)
+    errors = d.held_out.before["x"].windows
+    spread = float(np.std(case().recordings[0].outputs["x"]))
+    assert all(rms < 0.1 * spread for rms in errors.values())
     floors = {(u.place, u.physics): u.strength for u in d.undetectable}
     assert {("carriage", "coulomb_friction"), ("carriage", "cogging"), ("input:F", "input_offset")} <= set(floors)
     assert all(np.isfinite(s) and s > 0 for s in floors.values())

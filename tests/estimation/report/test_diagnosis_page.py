@@ -17,6 +17,7 @@ from diagnoses import diagnosis
 from backsight.estimation.diagnosis import Diagnosis, Explanation, Tried
 from backsight.estimation.report import write_diagnosis_report
 from backsight.estimation.report.graph import Mark, drawing
+from backsight.estimation.report.quantities import quantity
 from backsight.models import Dae, Model
 from backsight.models.model import GROUNDS
 from backsight.models.plants import PLANTS, actuator
@@ -133,6 +134,19 @@ def test_a_verdict_of_nothing_has_what_could_not_have_been_seen(tmp_path):
     assert page.anchors == ["where", "parameters", "limits", "notes"]
     assert "Nothing is missing" in page.text
     assert "Mind" not in page.text
+
+
+def test_a_verdict_of_nothing_has_what_the_model_predicts_of_what_was_held_out(tmp_path):
+    had = diagnosis()
+    calm = replace(had, verdict="none", findings=(), held_out=had.held_out.unrepaired, after=had.before)
+    page = written(calm, tmp_path)
+    assert "What the fit has not seen" in page.text
+    assert "Before and after" not in page.text
+    assert "repaired" not in page.text
+    assert "does not confirm" not in page.text
+    (name, errors), *_ = had.held_out.before.items()
+    assert name in page.text
+    assert all(quantity(rms, errors.unit) in page.text for rms in errors.windows.values())
 
 
 def test_a_proof_that_does_not_confirm_is_said_first(tmp_path):
