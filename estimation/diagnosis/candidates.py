@@ -185,9 +185,27 @@ class Candidate:
 
     def replaces(self, other: Candidate) -> bool:
         """Whether nothing is left of another one where this one is: its component is exchanged, or all its strengths are taken over."""
-        components = {path.partition(".")[0] for path in other.named.values()}
         own = set(other.strengths or other.named.values())
-        return bool(components & set(self.exchanged)) or (bool(own) and own <= set(self.absorbs))
+        return self.exchanges(other) or (bool(own) and own <= set(self.absorbs))
+
+    def exchanges(self, other: Candidate) -> bool:
+        """Whether another one's component is exchanged."""
+        return bool({path.partition(".")[0] for path in other.named.values()} & set(self.exchanged))
+
+    def instead_of(self, other: Candidate) -> Candidate:
+        """The same in a model that has neither, of one whose component it exchanges: what brings that goes before, its place is that one's.
+
+        What the other one left free, and the new component has, is still free.
+        """
+        new = {e.name: e.component.declared_parameters for e in self.edits if isinstance(e, Exchange)}
+        put = tuple(edit for edit in other.edits if not (isinstance(edit, Exchange) and edit.name in new))
+
+        def stays(path: str) -> bool:
+            name, _, word = path.rpartition(".")
+            return name not in new or word in new[name]
+
+        had = {path: given for path, given in {**other.start, **other.later}.items() if stays(path)}
+        return replace(self, place=other.place, edits=(*put, *self.edits), start={**had, **self.start})
 
     @property
     def size(self) -> int:

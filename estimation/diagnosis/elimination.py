@@ -29,18 +29,26 @@ class Bare:
     def having(self, candidates: Sequence[Candidate], now: Problem, result: Smoothing) -> tuple[Problem, Model] | None:
         """With these, their parameters as in a result; recordings and offsets of the problem `now`. None where one needs what is not there.
 
-        What one of them brings stays where the result has it; no others' parameters are in the problem.
+        What one of them brings stays where the result has it; no others' parameters are in the problem. One that stands on another one
+        comes after it.
         """
         values = {p.name: p.value for p in result.parameters.values()}
         kept = {name: given for name, given in now.parameters.items() if name.startswith(PREFIX)}
         problem, model = replace(self.problem, recordings=now.recordings, parameters={**self.problem.parameters, **kept}), self.model
-        for c in candidates:
-            try:
-                problem, model = posed(problem, model, c, _own(c, values))
-            except (ModelError, KeyError):  # a parameter of what is not there
+        waiting = list(candidates)
+        while waiting:
+            later = list[Candidate]()
+            for c in waiting:
+                try:
+                    problem, model = posed(problem, model, c, _own(c, values))
+                except (ModelError, KeyError):  # a parameter of what is not there
+                    later.append(c)
+                    continue
+                own = {name: now.parameters[name] for name in (*c.later, *c.rounded) if name in now.parameters}
+                problem = replace(problem, parameters={**problem.parameters, **own})
+            if len(later) == len(waiting):
                 return None
-            own = {name: now.parameters[name] for name in (*c.later, *c.rounded) if name in now.parameters}
-            problem = replace(problem, parameters={**problem.parameters, **own})
+            waiting = later
         return problem, model
 
 

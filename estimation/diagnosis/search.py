@@ -319,6 +319,10 @@ class Search:
             raise ValueError(f"{c.title} has no fit")
         new = finding(scored.linearised, best.judged, scored.fitted, scored.found, scored.sizes, best.same)
         stay = [not c.replaces(old) for old in self.accepted]
+        for old in self.accepted:
+            if c.exchanges(old):
+                c = c.instead_of(old)
+                new = renewed(replace(new, explanation=replace(new.explanation, place=c.place)), c, f.whole, scored.sizes)
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from backsight.estimation import Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.couplings import of_ideal
+from backsight.estimation.diagnosis.candidates import Candidate, Insert
+from backsight.estimation.diagnosis.couplings import of_ideal, of_soft
+from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.laws import Motion
+from backsight.estimation.diagnosis.places import elements
 from backsight.models import Model, compile_model
 from backsight.models.analysis.linearise import linearise
-from backsight.models.mechanics.rotational import AngleSensor, Gear, Inertia, RotationalDamper, RotationalFixed, Torque
+from backsight.models.mechanics.rotational import (
+    AngleSensor,
+    Gear,
+    Inertia,
+    RotationalDamper,
+    RotationalFixed,
+    RotationalFriction,
+    Torque,
+)
 from backsight.models.plants import PLANTS
 
 J_MOTOR, J_ARM, RATIO, D_ARM = 4e-6, 6e-3, 40.0, 0.05
 MOTION = Motion(v_rms=2.0, low=-0.5, high=0.5)
 STEP, PER = 1e-5, 100
+MASSES = {"rotor": J_MOTOR, "arm": 5e-3}
 
 
 def machine() -> Model:
@@ -77,12 +91,12 @@ def encoded(rows: list[tuple[float, float]], role: str) -> Recording:
 
 
 def test_a_gear_between_two_bodies_may_be_soft_or_loose_where_nothing_behind_it_is_yet():
-    found = of_ideal(machine(), "gear", lambda _: MOTION, {"rotor": J_MOTOR, "arm": 5e-3})
+    found = of_ideal(machine(), "gear", lambda _: MOTION, MASSES)
     assert {(c.place, c.physics, c.family) for c in found} == {("gear", "compliance", "transmission"), ("gear", "backlash", "transmission")}
     for c in found:
         states = {q.name for q in compile_model(c.edited(machine())).states}
         assert len(states) == 4  # an angle and a speed more than the two of the rigid machine
-    rigid = of_ideal(found[0].edited(machine()), "gear", lambda _: MOTION, {"rotor": J_MOTOR, "arm": 5e-3})
+    rigid = of_ideal(found[0].edited(machine()), "gear", lambda _: MOTION, MASSES)
     assert rigid == []  # there is one now
 
 
@@ -94,9 +108,50 @@ def test_the_gears_of_the_plants_have_couplings_behind_them_or_no_body_before_th
                 assert of_ideal(model, name, lambda _: MOTION, dict.fromkeys(model.components, 1.0)) == []
 
 
+def soft_then_loose() -> tuple[Candidate, Candidate]:
+    """Teeth that give way, found first, and play that takes their place."""
+    soft = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, MASSES) if c.physics == "compliance")
+    there = soft.edited(machine())
+    (spot,) = (one for one in elements(there) if one.name == "gear_coupling")
+    loose = of_soft(there, spot, MOTION, MASSES, {"gear_coupling.k": 60.0, "gear_coupling.d": 0.05})
+    return soft, next(c for c in loose if c.physics == "backlash")
+
+
+def test_play_in_the_place_of_teeth_that_give_way_stands_in_the_declared_model_alone():
+    soft, loose = soft_then_loose()
+    assert loose.replaces(soft)
+    whole = loose.instead_of(soft)
+    assert whole.place == "gear"
+    alone, after = whole.edited(machine()), loose.edited(soft.edited(machine()))
+    assert alone.components == after.components
+    assert set(map(frozenset, alone.connections)) == set(map(frozenset, after.connections))
+    assert {"gear_coupling.gap", "gear_coupling.k", "gear_coupling.d"} == set(whole.start)
+    assert whole.named == loose.named
+
+
+def test_a_model_is_put_together_anew_with_what_it_has_whatever_was_found_first():
+    """What was found in the coupling before it was known for loose comes after what brings the coupling."""
+    soft, loose = soft_then_loose()
+    problem = Problem(model=machine(), recordings=[recorded(60.0, 0.05, 1, "fit")], parameters={"arm.J": Free(5e-3)})
+    rubbing = Candidate(
+        place="gear_coupling",
+        family="friction",
+        physics="coulomb_friction",
+        edits=(Insert(place="gear_coupling", component=RotationalFriction(), name="rubbing"),),
+        strengths=("rubbing.tau_c",),
+    )
+    result = SimpleNamespace(parameters={"k": SimpleNamespace(name="gear_coupling.k", value=61.0)})
+    bare = Bare(problem=problem, model=machine())
+    posed, model = bare.having([rubbing, loose.instead_of(soft)], problem, result)
+    assert posed.parameters["gear_coupling.k"].guess == 61.0
+    assert {"rubbing.tau_c", "gear_coupling.gap", "gear_coupling.d", "arm.J"} == {*posed.parameters} - {"gear_coupling.k"}
+    assert "rubbing" in model.components
+    assert bare.having([rubbing, loose], problem, result) is None  # nothing brings the coupling
+
+
 def test_a_soft_gear_resonates_where_its_guess_says():
     """Between 8 and 30 Hz, with the motor's inertia seen from the arm."""
-    c = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, {"rotor": J_MOTOR, "arm": 5e-3}) if c.physics == "compliance")
+    c = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, MASSES) if c.physics == "compliance")
     k = c.start["gear_coupling.k"][0]
     dae = compile_model(c.edited(machine()))
     x0 = {q.name: 0.0 for q in dae.states}
