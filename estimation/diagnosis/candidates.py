@@ -189,8 +189,9 @@ class Candidate:
         return self.exchanges(other) or (bool(own) and own <= set(self.absorbs))
 
     def exchanges(self, other: Candidate) -> bool:
-        """Whether another one's component is exchanged."""
-        return bool({path.partition(".")[0] for path in other.named.values()} & set(self.exchanged))
+        """Whether the component that another one brought, or put in the place of the declared one, is exchanged."""
+        components = {path.partition(".")[0] for path in other.named.values()}
+        return bool(other.edits) and bool(components) and components <= set(self.exchanged)
 
     def instead_of(self, other: Candidate) -> Candidate:
         """The same in a model that has neither, of one whose component it exchanges: what brings that goes before, its place is that one's.

@@ -31,6 +31,7 @@ LIMITS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of the largest input: wher
 ZONES = (0.003, 0.01, 0.03, 0.06, 0.1, 0.2)  # of the rms input: where it may have no effect
 GAINS = (0.2, 5.0)
 TURN = 0.5  # rad: a sensor that is turned further is mounted otherwise
+ORDERS = range(2, 9)  # waves a turn of what teeth or a disk do
 OFF_CENTRE = 0.3  # of a disk's or a wheel's radius: an axis that is further off is another machine's
 
 
@@ -103,14 +104,22 @@ class _Channel:
 
     def turned(self) -> Candidate:
         """An angle read from a disk that is not centred."""
-        path, candidate = self._block("eccentricity", PeriodicError(), "amplitude")
-        phase = f"{path.rpartition('.')[0]}.phase"
+        return self._waving("eccentricity", "eccentricity", PeriodicError())
+
+    def uneven(self, order: int) -> Candidate:
+        """An angle read from a disk, or over teeth, that are uneven so many times a turn."""
+        candidate = self._waving(f"wave_{order}", "kinematic_error", PeriodicError(period=2 * np.pi / order))
+        return replace(candidate, named={**candidate.named, "period": f"{candidate.strengths[0].rpartition('.')[0]}.period"})
+
+    def _waving(self, fault: str, physics: str, block: PeriodicError) -> Candidate:
+        path, candidate = self._block(fault, block, "amplitude")
+        phase, most = f"{path.rpartition('.')[0]}.phase", OFF_CENTRE * block.parameters.get("period", 2 * np.pi) / (2 * np.pi)
         return replace(
             candidate,
-            physics="eccentricity",
+            physics=physics,
             strengths=(path,),
             quadrature=phase,
-            start={path: (0.0, -OFF_CENTRE, OFF_CENTRE), phase: (0.0, -3 * np.pi, 3 * np.pi)},
+            start={path: (0.0, -most, most), phase: (0.0, -3 * np.pi, 3 * np.pi)},
             named={"amplitude": path, "phase": phase},
         )
 
@@ -178,12 +187,13 @@ def of_sensor(
     duration: float,
     *,
     scaled: bool = True,
-    angle: bool = False,
+    span: float | None = None,
     begin: float = 0.0,
 ) -> list[Candidate]:
     """What the sensor may do; others: outputs of one kind with it, of which a part may be in its reading.
 
-    scaled: a gain too. angle: its reading is an angle [rad]. begin: of the recordings on the model's clock [s], from which it drifts.
+    scaled: a gain too. span: of its reading, where that is an angle [rad]: of an error that comes back several times a turn it has to hold
+    half a wave. begin: of the recordings on the model's clock [s], from which it drifts.
     """
     of = f"sensor:{name}"
     channel = _Channel(model=model, place=of, family="sensor", word="sensor")
@@ -192,7 +202,8 @@ def of_sensor(
         channel.linear("bias", Offset(), "bias"),
         channel.linear("drift", Drift(t_0=begin), "rate"),
         *channel.slow(interval, duration, held=False),
-        *([channel.turned()] if angle else []),
+        *([channel.turned()] if span is not None else []),
+        *(channel.uneven(order) for order in ORDERS if span is not None and order * span > np.pi),
     ]
     for other in others:
         mixed = channel.name(f"misalignment_{other}")

@@ -48,6 +48,7 @@ SHORTER = 250.0  # s, of the same beside what held weights have left
 OF_BASE, AT_LEAST = 0.6, 60.0  # of the search's time, that the model as it is may take; s, that each way to it has all the same
 SEARCH = 840.0  # s, from the beginning to the end of the search
 PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out
+ALONE = 60.0  # s, that this may take where there is nothing to prove
 
 
 def diagnose(
@@ -105,12 +106,13 @@ def diagnose(
         notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
-    held_out, what = None, "what was held out"
-    say(f"proof on {what}" if search.named else f"the model on {what}")
+    held_out, unseen = None, [r for r in recordings if r.role == "held_out"]
+    say(f"{'proof' if search.named else 'the model'} on what was held out")
+    left = seconds + PROOF - (time.perf_counter() - began)
     proof = Proof(
-        recordings=[r for r in recordings if r.role == "held_out"],
+        recordings=unseen,
         role="held_out" if split is None else "last third",
-        end=time.monotonic() + seconds + PROOF - (time.perf_counter() - began),
+        end=time.monotonic() + (left if search.named else min(left, ALONE)),
         say=say,
     )
 
@@ -118,15 +120,16 @@ def diagnose(
         return replace(case[0], recordings=recordings, initial=problem.initial), at_nothing(case[1])
 
     try:
-        base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
-        if search.named:
+        if unseen:
+            base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
+        if unseen and search.named:
             repaired = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
             repaired, gone = contradicted(search, proof, repaired, seen)
             notes, verdict = [*notes, *gone], search.verdict() if gone else verdict
             held_out = proof.compared(base, repaired)
-        else:
+        elif unseen:
             held_out = proof.compared(base, base).unrepaired
-    except (SolveError, InputError) as error:
+    except (SolveError, InputError, ArithmeticError, LinAlgError) as error:
         notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
         if search.faint:

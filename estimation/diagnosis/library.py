@@ -72,13 +72,13 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     for group in _alike(model):
         found += of_alike(model, group, interval, duration)
     heard = {q.name: _heard(t.horizons, i) for i, q in enumerate(dae.outputs)}
-    units = {q.name: q.unit for q in dae.outputs}
+    spans = {q.name: _span(t.horizons, i) for i, q in enumerate(dae.outputs) if q.unit == "rad"}
     begin = float(min(h.clock + h.time[0] for h in t.horizons))
     read = [name for name, times in heard.items() if np.isfinite(times)]
     for name in read:
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
-        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, angle=units[name] == "rad", begin=begin)
+        found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, span=spans.get(name), begin=begin)
     return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters, brought)
 
 
@@ -87,6 +87,12 @@ def _heard(horizons: Sequence[Horizon], output: int) -> float:
     relative = np.concatenate([h.target[:, output] / h.target_std[:, output] for h in horizons])
     sampled = relative[np.isfinite(relative)]
     return float(np.mean(sampled**2)) if len(sampled) else np.nan
+
+
+def _span(horizons: Sequence[Horizon], output: int) -> float:
+    """Between the least and the largest sample of an output."""
+    samples = np.concatenate([h.target[:, output] for h in horizons])
+    return float(np.ptp(samples[np.isfinite(samples)])) if np.isfinite(samples).any() else 0.0
 
 
 def _alike(model: Model) -> list[list[str]]:

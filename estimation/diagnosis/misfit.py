@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import casadi as ca
+
 from ..problem import Problem
 from ..results import Smoothing
 from ..smoothing.horizons import shown_noise
@@ -11,11 +13,18 @@ NEARER = 0.5  # times as far off: then what was contradicted is explained
 
 
 def off(problem: Problem, result: Smoothing) -> float:
-    """Rms of what an output is off over its noise, as that is given or its samples show it beyond doubt; the largest one."""
-    shown, found = shown_noise(problem), [0.0]
+    """Rms of what an output is off over its noise, as the study has it or its samples show it beyond doubt; the largest one.
+
+    Of outputs that are recorded with more than the states tell apart, by the structure of their equations; 0 where there are none.
+    """
+    dae, shown, found = problem.dae, shown_noise(problem), [0.0]
     for row, piece in zip(shown, problem.fitted, strict=True):
-        for i, q in enumerate(problem.dae.outputs):
+        read = [i for i, q in enumerate(dae.outputs) if q.name in piece.outputs]
+        if ca.sprank(ca.jacobian(dae.output[read], ca.vertcat(dae.x, dae.z, dae.w))) == len(read):
+            continue
+        for i in read:
+            q = dae.outputs[i]
             if (fit := result.fit.get(piece.name, {}).get(q.name)) is not None:
-                size = problem.weights.noise(q.name, piece) or q.noise_std or row[i]
+                size = problem.weights.noise(q.name, piece) or max(q.noise_std or 0.0, row[i])
                 found.append(fit.ordinary.rms / size if size > 0 else 0.0)
     return max(found)

@@ -104,8 +104,9 @@ class Round:
         self._fit_the_likely(now)
         plain = [fit for fit in self.fitted if explaining(*fit)]
         hinted = most > HINT * FLOOR or (self.base.settings.weigh and coloured(self.base.result))
-        if (not self._explained(plain) and (most > FLOOR or (hinted and not plain))) or self._contradicting(plain):
-            self._fit([(c, None) for c in self.candidates if c.dear and self._left_near(c.place, most) >= NEAR * most], now)
+        least = 0.0 if (contradicting := self._contradicting(plain)) else NEAR * most
+        if contradicting or (not self._explained(plain) and (most > FLOOR or (hinted and not plain))):
+            self._fit([(c, None) for c in self.candidates if c.dear and self._left_near(c.place, most) >= least], now)
         self.fitted.sort(key=lambda f: (-f[2].gain, f[0].rank))
         good = self._borne_out(self.fitted)
         if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
@@ -125,7 +126,7 @@ class Round:
 
     def _fit_the_likely(self, now: Worth) -> None:
         """Fits of what the scores make likely, and of what they may not tell of."""
-        worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes)]
+        worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes) if not self._there(s.candidate)]
         if worth:
             worth += held_unseen(self.found, worth, self._unheld)
         first, rich = plainest_first(worth, self._unheld)
@@ -136,6 +137,15 @@ class Round:
         self._fit([(s.candidate, s) for s in richer], now)
         plain = [self.fits.candidates(replace(self.base, result=there), [(c, None)]) for c, there in self._plainer_than_fitted()]
         self.fitted = _gained([*self.fitted, *(fit for fits in plain for fit in fits)], now)
+
+    def _there(self, c: Candidate) -> bool:
+        """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
+
+        Waves may have others beside them.
+        """
+        if c.onset is not None or "period" in c.named:
+            return False
+        return any(a.key == c.key and a.named.keys() == c.named.keys() and a.onset is None for a in self.accepted)
 
     def _plainer_than_fitted(self) -> list[tuple[Candidate, Smoothing]]:
         """Laws of a level alone where a richer law has no end, or its peak at rest is not told, with that one's fit, where theirs begins.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -43,12 +44,13 @@ FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 @dataclass(frozen=True, kw_only=True)
 class Before:
-    """What there was before the last effect was found."""
+    """What there was before the last effect was found, or with it. result: where that was smoothed."""
 
     problem: Problem
     model: Model
     findings: list[Finding]
     accepted: list[Candidate]
+    result: Smoothing | None = None
 
 
 INCOMPARABLE = (
@@ -64,7 +66,8 @@ class Search:
     fits: where candidates are fitted, and until when; settings: of these; seed: of what is drawn. held: recordings whose inputs are held,
     as a study has them, where straight ones were better for the model as it is. compared: whether models could be. moved: how often
     the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the
-    model without anything that was found, with weights from the data as soon as it has them.
+    model without anything that was found, with weights from the data where it was smoothed with these. aside: what was taken back to be
+    sought again with these.
     """
 
     problem: Problem
@@ -86,6 +89,7 @@ class Search:
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
     first: Smoothing = field(init=False, repr=False)
+    aside: Before | None = field(default=None, init=False, repr=False)
     _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
@@ -117,6 +121,9 @@ class Search:
                 self._eliminate()
                 self._held_again()
         self.fits = replace(self.fits, owed=0.0)
+        if (late or self.fits.left == 0) and self.aside is not None and self.aside.result is not None:
+            aside, self.result = self.aside, self.aside.result
+            self.problem, self.model, self.findings, self.accepted = aside.problem, aside.model, aside.findings, aside.accepted
         if late or self.fits.left == 0:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._on_a_checked_mesh()
@@ -205,12 +212,20 @@ class Search:
 
         least: time that the fit has when the search's is over [s].
         """
-        posed = self.bare.having([*self.accepted[:k], *self.accepted[k + 1 :]], self.problem, self.result)
+        posed = self._with([*self.accepted[:k], *self.accepted[k + 1 :]])
         if posed is None:
             return None
         problem, c = settled(posed[0], self.result), self.accepted[k]
         found = self.fits.again(self._base, problem, f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}", least=least)
         return None if found is None else replace(self._base, problem=problem, model=posed[1], result=found)
+
+    def _with(self, candidates: Sequence[Candidate]) -> tuple[Problem, Model] | None:
+        """The declared model with these; None where one needs another one, or a component would be what it is in neither model."""
+        posed = self.bare.having(candidates, self.problem, self.result)
+        known = self.bare.model.components, self.model.components
+        if posed is None or any(type(c) not in [type(there.get(name)) for there in known] for name, c in posed[1].components.items()):
+            return None
+        return posed
 
     def take_out(self, k: int, rest: Base) -> None:
         """The k-th of what was accepted goes, and the model is what stays."""
@@ -263,7 +278,7 @@ class Search:
         if not self.accepted or self.asked is self.accepted[-1] or max(unseen.values(), default=0.0) < ASTRAY or self.fits.left == 0:
             return False
         self.asked = self.accepted[-1]
-        posed = self.bare.having(self.accepted, self.problem, self.result)
+        posed = self._with(self.accepted)
         self.fits.say("the model with what was found, from the guesses")
         found = None if posed is None else self.fits.anew(self._base, posed[0])
         if posed is None or found is None or not self._worth(*found).over(self.now) > CLEAR:
@@ -303,6 +318,8 @@ class Search:
             self.fits.say(f"{self.accepted[-1].title} is asked again")
             again = self.fits.weighed(self._base, self.before.problem, found[1])
             if again is not None:
+                if not idle(self.accepted[-1], found[1]):
+                    self.aside = Before(problem=found[0], model=self.model, findings=self.findings, accepted=self.accepted, result=found[1])
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
         (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
@@ -313,6 +330,7 @@ class Search:
 
     def _keep(self, scored: Round, best: Best) -> None:
         """The best becomes a part of the model."""
+        self.aside = None
         c, _, f = best.judged
         had = self.findings, self.accepted
         if f.problem is None or f.model is None or f.whole is None:

@@ -150,7 +150,7 @@ class HeldOut:
     improvement_percent: of the windowed prediction errors, geometric mean over outputs and horizons. p_value: one-sided, over blocks.
     force: place -> rms of the residual force (before, after). attainable_percent: of what forces that are free at every place would take
     from the errors (arithmetic mean over outputs and horizons), None where that is next to nothing. role: "held_out", or "last third" of
-    the only recording. repaired: whether there is a repaired model; without, nothing is gained and no chance is told.
+    the only recording. repaired: whether there is a repaired model; without, after is before, and gain and chance are NaN.
     """
 
     before: Mapping[str, Errors]
@@ -166,11 +166,10 @@ class HeldOut:
 
     @property
     def unrepaired(self) -> HeldOut:
-        """Of the base model alone: what it predicts, and nothing gained."""
-        little = None if self.attainable_percent is None else 0.0
+        """Of the base model alone: what it predicts. There is no gain."""
         force = {place: (first, first, unit) for place, (first, _, unit) in self.force.items()}
         alone = replace(self, repaired=False, after=self.before, force=force)
-        return replace(alone, improvement_percent=0.0, p_value=nan, attainable_percent=little)
+        return replace(alone, improvement_percent=nan, p_value=nan, attainable_percent=None)
 
     @property
     def refuting(self) -> bool:

@@ -84,7 +84,8 @@ def window_chart(held: HeldOut) -> Chart | None:
         return None
     more = len(shown) - len(panels)
     caption = "Rms error of windows that are predicted, against how far they reach"
-    caption += f"; the {len(panels)} outputs that gain most of {len(shown)}." if more > 0 else "."
+    those = f"the {len(panels)} outputs that gain most" if held.repaired else f"{len(panels)} outputs"
+    caption += f"; {those} of {len(shown)}." if more > 0 else "."
     return stack(panels, caption=caption, label="windows")
 
 

@@ -182,7 +182,7 @@ def told(found: Diagnosis) -> str:
         rows += [f"    or {rival.words}" for rival in x.rivals]
     rows += [f"  tried {t.explanation.words}: predicted {t.predicted}, fitted {t.fitted}; {t.refused}" for t in found.tried[:30]]
     rows += [f"  {p.name} {p.value:.5g} +- {p.std or np.nan:.2g}" for p in found.after.parameters.values() if not p.fixed]
-    if found.held_out is not None:
+    if found.held_out is not None and found.held_out.repaired:
         rows.append(f"held out: {found.held_out.improvement_percent:.1f} %, p = {found.held_out.p_value:.2g}")
     return "\n".join([*rows, *found.notes])
 

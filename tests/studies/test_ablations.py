@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,11 +38,23 @@ def families(smoothed, stage: str) -> set[str]:
     return {c.family for c in found} | {name for c in found if c.family == "parameter" for name in {*c.strengths, *c.start} & HELD}
 
 
-@pytest.mark.parametrize("stage", ablations.STAGES)
-def test_every_stage_can_be_left_out_and_is_there_again_afterwards(smoothed, stage: str) -> None:
+def anew(smoothed, stage: str, **parameters: float):
+    problem, _ = smoothed
     with ablations.without(stage, set()):
-        pass
-    assert {"friction", *ablations.SUSPECTS} <= families(smoothed, "nothing")
+        return smooth(replace(problem, parameters={**problem.parameters, **parameters}))
+
+
+def test_without_a_mesh_that_is_looked_after_it_is_coarse(smoothed) -> None:
+    step = float(np.median(np.diff(smoothed[0].recordings[0].time)))
+    coarse, usual = (anew(smoothed, stage).solution.transcription.horizons[0].mesh.steps for stage in ("mesh", "nothing"))
+    assert float(np.median(coarse)) == pytest.approx(ablations.COARSE * step, rel=0.2)
+    assert float(np.median(usual)) < 0.5 * ablations.COARSE * step
+
+
+def test_without_care_near_rest_no_force_has_room_there(smoothed) -> None:
+    shares = [anew(smoothed, stage, **{"friction.f_c": 20.0}).residual_places["carriage"].rest_share for stage in ("rest", "nothing")]
+    assert not shares[0]
+    assert shares[1] > 0
 
 
 def test_without_rivals_there_is_physics_alone(smoothed) -> None:

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from concealed_axis import NOISE, run
+from concealed_axis import posed as axis
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
 from backsight.estimation.diagnosis.misfit import OFF, off
 from backsight.estimation.diagnosis.refit import QUICKLY
-from backsight.models import Model
+from backsight.models import Model, Output
 from backsight.models.errors import InputError
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, RotationalDamper, RotationalFixed, Torque
 from backsight.models.mechanics.translational import Damper, Fixed, Mass, PositionSensor, SpringDamper
@@ -133,6 +135,21 @@ def test_what_outputs_are_off_beside_their_noise_tells_that_they_contradict_each
     contradicting, agreeing = (off(p, smooth(p, settings=QUICKLY)) for p in (soft, stiff))
     assert contradicting > 2 * OFF
     assert agreeing < 1.5
+
+
+def test_an_output_alone_contradicts_nothing_however_far_off_it_is():
+    """Coulomb friction that an axis' model lacks, its residual force held far too tightly."""
+    tight = axis(run(1.0, 2e-3, f_c=20.0), W={"carriage": 1e-3})
+    result = smooth(tight, settings=QUICKLY)
+    assert result.fit["axis"]["x"].rms > 3 * OFF * NOISE
+    assert off(tight, result) == 0.0
+
+
+def test_an_output_that_is_noisier_than_its_sensor_is_declared_contradicts_nothing():
+    problem = posed_rigid(recorded(0.0, 1, "fit", k=1e8))
+    fine = replace(problem.model, outputs={"phi": "encoder.phi", "s": Output("scale.s", noise_std=1e-7)})
+    problem = replace(problem, model=fine)
+    assert off(problem, smooth(problem, settings=QUICKLY)) < 1.5
 
 
 DEGREES = 180.0 / np.pi

@@ -158,10 +158,28 @@ def test_inputs_of_parts_of_one_kind_may_be_late_together():
 
 def test_an_angle_may_be_read_from_a_disk_that_is_not_centred():
     model = PLANTS["five_bar"]()
-    found = {c.physics: c for c in of_sensor(model, "theta_1", [], 0.01, 10.0, angle=True)}
+    found = {c.physics: c for c in of_sensor(model, "theta_1", [], 0.01, 10.0, span=1.0)}
     c = found["eccentricity"]
     assert (c.place, c.family) == ("sensor:theta_1", "sensor")
     assert {*c.strengths, c.quadrature} <= {p.name for p in compile_model(c.edited(model)).parameters}
     assert "eccentricity" not in {c.physics for c in of_sensor(model, "theta_1", [], 0.01, 10.0)}
     _, low, high = c.start[c.strengths[0]]
     assert -low == high < 0.5  # rad: what turns to and fro by as much is no disk that is hardly off
+
+
+def test_an_angle_may_be_read_over_teeth_that_are_uneven_where_half_a_wave_of_them_was_seen():
+    model = PLANTS["five_bar"]()
+    found = [c for c in of_sensor(model, "theta_1", [], 0.01, 10.0, span=1.1) if c.physics == "kinematic_error"]
+    assert len(found) == 6  # three a turn .. eight
+    assert len({edit.words for c in found for edit in c.edits}) == len(found)  # what is kept of their fits is told apart
+    c = found[0]
+    dae = compile_model(c.edited(model))
+    values = {p.name: p.value for p in dae.parameters}
+    assert values[c.named["period"]] == pytest.approx(2 * np.pi / 3)
+    _, _, most = c.start[c.strengths[0]]
+    assert most * 3 < 1.0  # what is read turns the same way as what turns
+
+
+def test_no_wave_is_offered_of_which_next_to_nothing_was_seen():
+    model = PLANTS["five_bar"]()
+    assert all(c.physics != "kinematic_error" for c in of_sensor(model, "theta_1", [], 0.01, 10.0, span=0.3))

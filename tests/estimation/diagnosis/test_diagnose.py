@@ -120,6 +120,13 @@ def test_a_machine_that_lacks_nothing_is_told_so_with_what_could_not_have_been_s
     assert compile_model(d.repaired.model).name == "actuator"
 
 
+def test_of_a_recording_that_is_too_short_nothing_is_held_out_and_nothing_is_said_of_it():
+    d = diagnose(case(50 * STEP), jobs=1)
+    assert d.held_out is None
+    assert any("too short" in note for note in d.notes)
+    assert not any("could not be predicted" in note for note in d.notes)
+
+
 @pytest.mark.slow
 def test_friction_of_twice_the_floor_is_seen():
     least = {(u.place, u.physics): u.strength for u in clean().undetectable}["carriage", "coulomb_friction"]

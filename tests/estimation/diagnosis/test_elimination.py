@@ -91,6 +91,19 @@ def test_little_gained_at_held_weights_is_sought_again_with_those_of_the_data(ga
     assert (search.first is search.result) is not stays
 
 
+def test_what_was_taken_back_is_there_again_where_there_was_no_time_to_seek_it():
+    bare, friction = replace(posed(run(1.0, 2e-3, f_c=20.0)), weights=Weights()), law("coulomb_friction")
+    fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=0.0)
+    search = Search(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY), fits=fits)
+    problem, model = having(bare, bare.model, friction, {})
+    result = smooth(problem, settings=QUICKLY)
+    search.aside = Before(problem=problem, model=model, findings=[found(friction, 60.0)], accepted=[friction], result=result)
+    search.run()
+    assert [f.explanation.physics for f in search.findings if f.explanation.physics != "unknown_physics"] == ["coulomb_friction"]
+    assert "coulomb_friction_carriage" in search.model.components
+    assert search.findings[-1].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.05)
+
+
 def test_what_a_later_one_needs_cannot_go():
     problem = posed(run(0.1))
     result = smooth(problem)

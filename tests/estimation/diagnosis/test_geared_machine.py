@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from backsight.estimation import Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.candidates import Candidate, Insert
+from backsight.estimation.diagnosis.candidates import Candidate, Exchange, Insert
 from backsight.estimation.diagnosis.couplings import of_ideal, of_soft
 from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import elements
+from backsight.estimation.diagnosis.search import Search
 from backsight.models import Model, compile_model
 from backsight.models.analysis.linearise import linearise
 from backsight.models.mechanics.rotational import (
     AngleSensor,
+    EccentricRack,
     Gear,
     Inertia,
     RotationalDamper,
@@ -147,6 +149,40 @@ def test_a_model_is_put_together_anew_with_what_it_has_whatever_was_found_first(
     assert {"rubbing.tau_c", "gear_coupling.gap", "gear_coupling.d", "arm.J"} == {*posed.parameters} - {"gear_coupling.k"}
     assert "rubbing" in model.components
     assert bare.having([rubbing, loose], problem, result) is None  # nothing brings the coupling
+
+
+def test_a_finding_without_a_component_of_its_own_is_not_exchanged():
+    """A radius that is wrong beside a wheel that is off its centre: the wheel has the radius, too."""
+    radius = Candidate(
+        place="pulley", family="parameter", physics="wrong_parameter", strengths=("pulley.r",), named={"pulley.r": "pulley.r"}
+    )
+    wheel = Candidate(
+        place="motor",
+        family="periodic",
+        physics="eccentricity",
+        edits=(Exchange(name="pulley", component=EccentricRack()),),
+        strengths=("pulley.amplitude",),
+        named={"amplitude": "pulley.amplitude"},
+    )
+    assert not wheel.replaces(radius)
+    assert not wheel.exchanges(radius)
+
+
+def test_no_model_is_put_together_of_components_that_it_does_not_have():
+    """Teeth in two sections, then play in the first: with the play first both sections would have it."""
+    soft, loose = soft_then_loose()
+    there = soft.edited(machine())
+    (spot,) = (one for one in elements(there) if one.name == "gear_coupling")
+    section = next(c for c in of_soft(there, spot, MOTION, MASSES, {"gear_coupling.k": 60.0}) if c.physics == "compliance")
+    model = loose.edited(section.edited(there))
+    problem = Problem(model=machine(), recordings=[recorded(60.0, 0.05, 1, "fit")], parameters={"arm.J": Free(5e-3)})
+    result = SimpleNamespace(parameters={}, residual_places={})
+    search = Search(problem=problem, model=machine(), result=result, fits=None)
+    search.model = model
+    names = {type(model.components[n]) for n in ("gear_coupling", "gear_coupling_2")}
+    assert len(names) == 2
+    assert search._with([section, loose.instead_of(soft)]) is None
+    assert search._with([soft, section, loose]) is not None
 
 
 def test_a_soft_gear_resonates_where_its_guess_says():
