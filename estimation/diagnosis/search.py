@@ -44,13 +44,13 @@ FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 @dataclass(frozen=True, kw_only=True)
 class Before:
-    """What there was before the last effect was found, or with it. result: where that was smoothed."""
+    """What there was before the last effect was found, or before it was taken back."""
 
     problem: Problem
     model: Model
+    result: Smoothing
     findings: list[Finding]
     accepted: list[Candidate]
-    result: Smoothing | None = None
 
 
 INCOMPARABLE = (
@@ -121,10 +121,10 @@ class Search:
                 self._eliminate()
                 self._held_again()
         self.fits = replace(self.fits, owed=0.0)
-        if (late or self.fits.left == 0) and self.aside is not None and self.aside.result is not None:
-            aside, self.result = self.aside, self.aside.result
-            self.problem, self.model, self.findings, self.accepted = aside.problem, aside.model, aside.findings, aside.accepted
         if late or self.fits.left == 0:
+            if (had := self.aside) is not None:
+                self.problem, self.model, self.result = had.problem, had.model, had.result
+                self.findings, self.accepted = had.findings, had.accepted
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._on_a_checked_mesh()
         self.renew()
@@ -319,7 +319,8 @@ class Search:
             again = self.fits.weighed(self._base, self.before.problem, found[1])
             if again is not None:
                 if not idle(self.accepted[-1], found[1]):
-                    self.aside = Before(problem=found[0], model=self.model, findings=self.findings, accepted=self.accepted, result=found[1])
+                    had = self.findings, self.accepted
+                    self.aside = Before(problem=found[0], model=self.model, result=found[1], findings=had[0], accepted=had[1])
                 found, self.model = again, self.before.model
                 self.findings, self.accepted = self.before.findings, self.before.accepted
         (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
@@ -344,7 +345,7 @@ class Search:
         whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
         self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
         self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
-        self.before = Before(problem=self.problem, model=self.model, findings=had[0], accepted=had[1])
+        self.before = Before(problem=self.problem, model=self.model, result=self.result, findings=had[0], accepted=had[1])
         brought = {p.name for p in f.problem.dae.places} - {p.name for p in self.problem.dae.places}
         self.settings = replace(self.settings, supposed=self.settings.supposed | (hidden(f.problem) & brought))
         lags = c.signals and len(f.problem.dae.states) > len(self.problem.dae.states)

@@ -81,7 +81,7 @@ def test_little_gained_at_held_weights_is_sought_again_with_those_of_the_data(ga
     fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
     search = Search(problem=bare, model=bare.model, result=smoothing(bare, settings=HELD), fits=fits, settings=HELD)
     problem, model = having(bare, bare.model, friction, {})
-    search.before = Before(problem=bare, model=bare.model, findings=[], accepted=[])
+    search.before = Before(problem=bare, model=bare.model, result=search.result, findings=[], accepted=[])
     search.problem, search.model, search.result = problem, model, smoothing(problem, settings=HELD)
     search.accepted, search.findings = [friction], [found(friction, gain)]
     assert search._weighed()
