@@ -276,8 +276,9 @@ class Round:
 
     def _contradicting(self, fits: list[Judged]) -> bool:
         """Whether outputs contradict each other beside the model as it is, and with each of the fits."""
-        after = [off(f.problem, f.result) for _, _, f in fits if f.problem is not None and f.result is not None]
-        return self.sizes.off > OFF and min(after, default=self.sizes.off) > NEARER * self.sizes.off
+        if not self.sizes.off > OFF:
+            return False
+        return all(off(f.problem, f.result) > NEARER * self.sizes.off for _, _, f in fits if f.problem is not None and f.result is not None)
 
     def _left_near(self, place: str, most: float) -> float:
         """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""
