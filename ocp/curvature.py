@@ -23,9 +23,18 @@ unknowns may as well be at |X_i| + eps rho_i, where rho_i is how the blocks answ
 
     D_i^2 = sum over k of |M_kk| (|X_ki| + rho_ki)^2,        rho_i = |M^-1 (0; +-|J -d| |X_i|)|
 
-By Cauchy and Schwarz no S_ij is then off by much more than eps D_i D_j, and |e| < ROUNDING is null: a combination that costs less than
-rounding of what each of its parts costs alone. Every product is of a weight with the moves of its own unknown, so neither the units of the
-unknowns nor the weights of the constraints change e; a weight that is not there at all counts as the rounding of one.
+By Cauchy and Schwarz no S_ij is then off by much more than eps D_i D_j, and |e| < ROUNDING says no more than that a combination costs less
+than rounding of what each of its parts costs alone. Every product is of a weight with the moves of its own unknown, so neither the units of
+the unknowns nor the weights of the constraints change e; a weight that is not there at all counts as the rounding of one.
+
+A sum of squares is known better than a difference of sums: what is grey, |e| < GREY, is told by its squares. Along z_v, how everything
+moves with a combination v of the border, it costs
+
+    F_vw = z_v' H z_w + (J z_v)' d^-1 (J z_w)
+
+in which what nearly exact balances and other samples take back is taken back before it is squared: an error in z_v counts by its square.
+F_vv may be off by ROUNDING of |z_v|' |H| |z_v| and, since z_v is off by rounding of what its parts move and v by that over the least e
+that is not grey, by the squares of these. What costs less is null.
 """
 
 from __future__ import annotations
@@ -43,10 +52,11 @@ from .polynomials import Array
 
 Index = NDArray[np.int64]
 
-# Known null directions come out below 1e-15 in every unit, the least of what is determined near 2e-13 (a gantry with friction, three
-# thousand intervals and nearly exact balances) and commonly above 1e-6.
+# Known null directions come out below 1e-15 in every unit, the least of what is determined near 4e-15 (a quadrotor that hovers, with
+# nearly exact balances) and commonly above 1e-6. By their squares null ones are below 1e-20.
 EPS = float(np.finfo(np.float64).eps)
 ROUNDING = 2.0**6 * EPS
+GREY = EPS**0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +114,9 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
     multipliers = (kept >= edge) & (kept < at.border - len(nlp.free))
     D = _units(S, np.abs(np.diag(matrix.corner)) + np.einsum("kb,kbi->i", weight, reach**2), multipliers)
     e, Q = np.linalg.eigh(S / np.outer(D, D))
-    lost = np.abs(e) < ROUNDING
+    lost = np.zeros(len(e), dtype=bool)
+    if np.any(np.abs(e) < GREY):
+        e, Q, lost = _told_by_squares(nlp, matrix, (hessian, jacobian, softness), D, e, Q)
     Z, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
     held = np.count_nonzero(multipliers) - round(float(np.sum(Z[multipliers] ** 2)))
     definite = int(np.sum(e < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
@@ -127,6 +139,34 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
         interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(ROUNDING),
         definite=definite,
     )
+
+
+def _told_by_squares(
+    nlp: Nlp, matrix: Bordered, kkt: tuple[sp.csc_matrix, sp.csc_matrix, Array], D: Array, e: Array, Q: Array
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """e (nb,) and Q (nb, nb) with what is grey told by its squares, and which of it is null (nb,)."""
+    hessian, jacobian, softness = kkt
+    H = hessian + sp.triu(hessian, 1).T
+    grey = np.abs(e) < GREY
+    moves = _moves(nlp, matrix, Q[:, grey] / D[:, None])
+    heavy = (jacobian @ moves)[softness != 0] / np.sqrt(softness[softness != 0])[:, None]
+    F = moves.T @ (H @ moves) + heavy.T @ heavy
+    f, U = np.linalg.eigh((F + F.T) / 2)
+    turned, size = Q[:, grey] @ U, np.abs(moves @ U)
+    off = ROUNDING * np.sum(size * (abs(H) @ size), axis=0) + ROUNDING**2 * (np.sum(np.abs(turned), axis=0) ** 2 + 1.0 / GREY)
+    lost = np.concatenate([np.zeros(np.count_nonzero(~grey), dtype=bool), f < off])
+    return np.concatenate([e[~grey], f]), np.hstack([Q[:, ~grey], turned]), lost
+
+
+def _moves(nlp: Nlp, matrix: Bordered, V: Array) -> Array:
+    """How all unknowns (n + np, r), in the program's units, move with the border along V (nb, r)."""
+    at, place = matrix.at, matrix.place
+    inside = matrix.eliminated[0] @ V
+    inside += matrix.tree.solve(matrix.edge @ V - times(matrix.diagonal, matrix.lower, at.knot, inside))
+    own = at.block >= 0
+    moves = np.where(own[:, None], -inside[np.maximum(at.block, 0), np.where(own, place, 0)], V[np.where(own, 0, place)])
+    moves[matrix.fixed] = 0.0
+    return np.asarray((moves * matrix.size[:, None])[: nlp.size], dtype=np.float64)
 
 
 def _slack(matrix: Bordered, X: Array, own: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
@@ -231,6 +232,45 @@ def test_what_the_data_leave_open_is_found_in_all_units(case, horizons, soft, me
         np.testing.assert_array_equal(np.isinf(c.parameter_variance), [are_open[free.index(p)] for p in names])
         determined.append(c.parameter_variance[np.isfinite(c.parameter_variance)])
     np.testing.assert_allclose(determined[1:], [determined[0]] * 2, rtol=1e-6)
+
+
+def exact(t: Transcription, solution: Solution) -> np.ndarray:
+    """Covariance of the parameters from the KKT matrix as it is in memory, inverted in 60 digits."""
+    upper, J, softness = solution.solver.kkt(solution.solved.decisions, solution.values)
+    H, J, n = upper.toarray(), J.toarray(), t.nlp.size
+    K = np.block([[H + np.triu(H, 1).T, J.T], [J, -np.diag(softness)]])
+    with localcontext(prec=60):
+        A = np.vectorize(Decimal, otypes=[object])(np.hstack([K, np.eye(len(K))]))
+        for k in range(len(K)):
+            best = k + int(np.argmax(np.abs(A[k:, k])))
+            A[[k, best]] = A[[best, k]]
+            A[k] = A[k] / A[k, k]
+            others = np.arange(len(K)) != k
+            A[others] -= A[others, k][:, None] * A[k]
+        inverse = A[:, len(K) :].astype(float)
+    own = slice(t.nlp.trajectory_size, n)
+    return inverse[own, own] * np.outer(solution.values.unit[own], solution.values.unit[own])
+
+
+@pytest.mark.parametrize("uneven", [1e-4, 1e-6, 1e-7, 1e-8, 1e-9])
+def test_what_hardly_tells_two_forces_apart_still_does(uneven):
+    """Friction and a constant force, at a velocity that varies by so much: the square of that is their information."""
+    dae = MODELS["oscillator"]
+    (horizon,) = even("oscillator", 1)
+    nothing = ParameterPrior(mean=np.zeros(2), std=np.full(2, np.inf))
+    t = transcribe(dae, [horizon], free=number(dae, "damper.d", "offset.f"), prior=nothing, force_std={0: 0.5}, degree=3)
+    decisions = uneven * np.random.default_rng(1).normal(size=t.nlp.size)
+    for place, there in ((0, horizon.mesh.knots), (1, np.ones(len(horizon.mesh.knots)))):
+        decisions[t.nlp.index[place]] += there[:-1]
+        decisions[t.nlp.index[-2 + place, -1]] += there[-1]
+    solution = at_a_point(t)
+    values = replace(solution.values, unit=np.ones(t.nlp.size))
+    solution = replace(solution, solved=replace(solution.solved, decisions=decisions), values=values)
+    expected = exact(t, solution)
+    assert expected[0, 0] > 0.1 / uneven**2
+    c = found(solution)
+    assert not len(c.null)
+    np.testing.assert_allclose(c.parameter_covariance, expected, rtol=1e-6)
 
 
 def coloured(kind: str, y: np.ndarray, offset_std: float) -> np.ndarray:
