@@ -8,13 +8,14 @@ all samples before (`validation/innovations.py`). Against a model without, or wi
 it stands still is what speaks for friction.
 
 Where both hold a body by the same law and the same room, what they differ in is elsewhere, and a rest tells of it all along: a bit that
-sticks for most of a record must not hide what rubs at the other end of the string. There only how they creep before the bit breaks away is
+sticks for most of a record must not hide what rubs at the other end of the string. A law whose strength is known to one and free in the
+other is not the same. There only how they creep before the bit breaks away is
 no physics: a few stretches with hundreds of nats, which count for no more than LIMIT times what a stretch of a rest usually does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -81,14 +82,22 @@ class Worth:
         return np.where(at_rest, of_each * more, more)
 
     def _holds_as(self, other: Worth, place: str) -> bool:
-        """Whether two models hold a body by the same law, and have the same room beside it."""
+        """Whether two models hold a body by the same law, known or unknown alike, and have the same room beside it."""
         (own, room), (those, as_much) = self._at_rest(place), other._at_rest(place)
-        return own.keys() == those.keys() and all(_alike(own[name], those[name]) for name in own) and _alike(room, as_much)
+        same = own.keys() == those.keys() and all(_alike(own[name], those[name]) for name in own) and _alike(room, as_much)
+        return same and self._unknown(own) == other._unknown(own)
 
     def _at_rest(self, place: str) -> tuple[Mapping[str, float], float]:
         """The rounded signs at a place, and the strength for which there is room."""
         signs, rooms = self._holding
         return signs.get(place, {}), rooms.get(place, 0.0)
+
+    def _unknown(self, signs: Collection[str]) -> set[str]:
+        """The free parameters of laws, by the widths of their signs."""
+        if self.solution is None:
+            return set()
+        t, laws = self.solution.transcription, {name.rsplit(".", 1)[0] for name in signs}
+        return {name for i in t.nlp.free if (name := t.dae.parameters[i].name).rsplit(".", 1)[0] in laws}
 
     @cached_property
     def _holding(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]:

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
-from backsight.estimation import Free, Problem, Recording, smooth
+from backsight.estimation import Free, Problem, Recording
 from backsight.estimation.diagnosis.refit import evidence
 from backsight.estimation.diagnosis.worth import NONE, Worth, gains
+from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.program import Settings
+from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
 from backsight.models.plants import actuator
 
@@ -30,10 +32,11 @@ def record() -> tuple[Recording, np.ndarray]:
 RECORDING, STILL = record()
 
 
-def worth(**given: float) -> Worth:
-    """Of the axis with these parameters held."""
+def worth(beside: Worth | None = None, **given: float) -> Worth:
+    """Of the axis with these parameters held; beside another model with the room near rest that this one has."""
     problem = Problem(model=DAE, recordings=[RECORDING], parameters={**FREE, **{k.replace("_", ".", 1): v for k, v in given.items()}})
-    result = smooth(problem, settings=Settings(check_mesh=False))
+    begin = None if beside is None or beside.solution is None else Begun.of(beside.solution, problem)
+    result = smoothing(problem, settings=Settings(check_mesh=False), begin=begin)
     assert result.solver.converged
     return Worth(nats=evidence(problem, result), solution=result.solution)
 
@@ -59,6 +62,14 @@ def test_strengths_are_compared_by_what_they_are_in_motion():
     """A level a tenth too low is less likely in motion by more than it is at rest, where it holds the axis as well."""
     weak = worth(friction_f_c=18.0)
     assert weak.over(SHARP) < weak.nats - SHARP.nats < -100.0
+
+
+def test_a_strength_that_is_found_gains_in_motion_alone_as_a_law_beside_the_known_one_would():
+    """One and the same machine, told as another strength of the law that the model has or as a law of another width."""
+    known = worth(friction_f_c=17.0)
+    found, other = worth(known), worth(known, friction_width=6e-4)
+    assert found.over(known) == pytest.approx(other.over(known), abs=2.0)
+    assert found.nats - known.nats > other.over(known) + 20.0
 
 
 def test_against_a_model_without_friction_rests_count():
