@@ -4,7 +4,8 @@ candidates.py, laws.py, channels.py, frames.py, library.py     what may be missi
 supermodel.py, enlarged.py, score.py, screen.py                all of it looked at at once: gains, chances, what is alike
 refit.py, choice.py                                            a candidate as a full problem, and whether it is borne out
 worth.py                                                       how much more probable one model is than another
-search.py, findings.py, elimination.py, hold.py                round by round; what is said of it; what goes out again
+search.py, round.py, standing.py                               round by round; the model with what was found so far
+findings.py, elimination.py, hold.py                           what is said of it; what goes out again; held inputs or straight ones
 diagnose.py, shares.py, verdict.py                             all of it, and its answer
 proof.py                                                       before and after on what was held out
 """

@@ -16,7 +16,8 @@ from backsight.models.errors import InputError
 from ..wording import probability
 from .predictor import Predictor
 from .proof import Case, Proof
-from .search import FEW, Search
+from .search import Search
+from .standing import FEW
 from .verdict import Finding, HeldOut
 
 MINOR = 0.1  # of the nats of the largest effect: with less than that, or than FEW, an effect is asked
@@ -29,10 +30,10 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
     whole: predictor with all that was found. case: what a predictor is made of, of a fitted problem.
     """
     said = list[str]()
-    for finding in sorted(minor(search.named), key=lambda f: f.gain):
+    for finding in sorted(minor(search.standing.named), key=lambda f: f.gain):
         if proof.left <= 0:
             break
-        k = next(n for n, f in enumerate(search.named) if f is finding)
+        k = next(n for n, f in enumerate(search.standing.named) if f is finding)
         try:
             without = search.without(k, least=SHARE * proof.left)
             if without is None:
@@ -43,7 +44,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
             continue
         if held_out.refuting:
             said.append(_words(finding, held_out))
-            search.take_out(k, without)
+            search.standing = without
             whole = other
     if said:
         search.renew()

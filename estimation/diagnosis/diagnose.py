@@ -39,6 +39,7 @@ from .proof import Case, Proof
 from .refit import HELD, PATIENT, QUICKLY, comparable
 from .search import Search
 from .sizes_known import with_sizes_known
+from .standing import Standing
 from .verdict import Diagnosis
 from .words import CONTRADICTED, withdrawn
 
@@ -85,9 +86,7 @@ def diagnose(
         as_said = based(steadied) if open_ones else as_said
         better, (first, settings), straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
-            problem=better,
-            model=problem.model,
-            result=first,
+            standing=Standing(problem=better, model=problem.model, result=first),
             fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, better), say=say, end=end, jobs=jobs),
             settings=settings,
             seed=seed,
@@ -107,12 +106,12 @@ def diagnose(
     if not settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out, unseen = None, [r for r in recordings if r.role == "held_out"]
-    say(f"{'proof' if search.named else 'the model'} on what was held out")
+    say(f"{'proof' if search.standing.named else 'the model'} on what was held out")
     left = seconds + PROOF - (time.perf_counter() - began)
     proof = Proof(
         recordings=unseen,
         role="held_out" if split is None else "last third",
-        end=time.monotonic() + (left if search.named else min(left, ALONE)),
+        end=time.monotonic() + (left if search.standing.named else min(left, ALONE)),
         say=say,
     )
 
@@ -122,7 +121,7 @@ def diagnose(
     try:
         if unseen:
             base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
-        if unseen and search.named:
+        if unseen and search.standing.named:
             repaired = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
             repaired, gone = contradicted(search, proof, repaired, seen)
             notes, verdict = [*notes, *gone], search.verdict() if gone else verdict
@@ -132,8 +131,8 @@ def diagnose(
     except (SolveError, InputError, ArithmeticError, LinAlgError) as error:
         notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
-        if search.faint:
-            notes.append(withdrawn(search.findings, held_out))
+        if search.standing.faint:
+            notes.append(withdrawn(search.standing.findings, held_out))
             search.withdraw()
             verdict, held_out = search.verdict(), held_out.unrepaired
         else:
@@ -143,16 +142,16 @@ def diagnose(
         verdict = "undecided"
     return Diagnosis(
         verdict=verdict,
-        findings=tuple(search.findings),
+        findings=search.standing.findings,
         before=first,
         after=without_offsets(search.result),
         repaired=replace(
-            search.problem, model=search.model, parameters=own_of(search.problem), recordings=recordings, initial=problem.initial
+            search.problem, model=search.standing.model, parameters=own_of(search.problem), recordings=recordings, initial=problem.initial
         ),
         held_out=held_out,
         undetectable=tuple(search.undetectable),
         tried=tuple(search.tried),
-        mismatch=(*mismatches(first), *(mismatches(search.result) if search.findings else ())),
+        mismatch=(*mismatches(first), *(mismatches(search.result) if search.standing.findings else ())),
         seconds=time.perf_counter() - began,
         seed=seed,
         notes=(*notes, *search.notes),

@@ -1,32 +1,27 @@
-"""The rounds of the search: scores, fits of the best, one that is kept; what is named so far, and what is left."""
+"""The rounds of the search: scores, fits of the best, one that is kept; and what is left when there is none."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-
-from backsight.models import Model
 
 from ..problem import Free, Problem
 from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.program import Settings
 from .candidates import Candidate
-from .choice import (
-    CLEAR,
-    idle,
-)
+from .choice import CLEAR, idle
 from .elimination import Bare
-from .findings import finding, renewed, verdict
+from .findings import verdict
 from .fits import Base, Fits
 from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
 from .refusals import loose
 from .round import Best, Round
 from .shares import Sizes, limits
+from .standing import FEW, Standing
 from .verdict import Class, Finding, Tried, Undetectable
 from .words import UNKNOWN
 from .worth import Worth
@@ -34,23 +29,10 @@ from .worth import Worth
 EFFECTS = 6
 MOVES = 3  # times that the model as it is goes where a fit came to rest
 AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
-FEW = 100.0  # nats: with less an effect is small
-FAINT = 1e-3  # chance of what is taken back where held-out recordings speak against it
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
 OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
-
-
-@dataclass(frozen=True, kw_only=True)
-class Before:
-    """What there was before the last effect was found, or before it was taken back."""
-
-    problem: Problem
-    model: Model
-    result: Smoothing
-    findings: list[Finding]
-    accepted: list[Candidate]
 
 
 INCOMPARABLE = (
@@ -61,42 +43,48 @@ INCOMPARABLE = (
 
 @dataclass
 class Search:
-    """What the search has found so far: the problem with it, its model and its smoothing.
+    """What the search has found so far.
 
-    fits: where candidates are fitted, and until when; settings: of these; seed: of what is drawn. held: recordings whose inputs are held,
-    as a study has them, where straight ones were better for the model as it is. compared: whether models could be. moved: how often
-    the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the
-    model without anything that was found, with weights from the data where it was smoothed with these. aside: what was taken back to be
-    sought again with these.
+    standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
+    of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
+    compared: whether models could be. moved: how often the model as it is went where a fit came to rest. asked: beside which candidate it
+    was smoothed from the guesses, too. first: the model without anything that was found, with weights from the data where it was smoothed
+    with these. before: what there was before the last effect was found. aside: what was taken back to be sought again with these weights.
     """
 
-    problem: Problem
-    model: Model
-    result: Smoothing
+    standing: Standing
     fits: Fits
     settings: Settings = QUICKLY
     seed: int = 0
-    findings: list[Finding] = field(default_factory=list)
     tried: list[Tried] = field(default_factory=list)
     undetectable: list[Undetectable] = field(default_factory=list)
     first_left: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    accepted: list[Candidate] = field(default_factory=list)
-    before: Before | None = None
+    before: Standing | None = None
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
     first: Smoothing = field(init=False, repr=False)
-    aside: Before | None = field(default=None, init=False, repr=False)
+    aside: Standing | None = field(default=None, init=False, repr=False)
     _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.bare = Bare(problem=self.problem, model=self.model)
-        self.first = self.result
+        self.bare = Bare(problem=self.standing.problem, model=self.standing.model)
+        self.first = self.standing.result
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with what was found so far."""
+        return self.standing.problem
+
+    @property
+    def result(self) -> Smoothing:
+        """Its smoothing."""
+        return self.standing.result
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -113,7 +101,7 @@ class Search:
             if self._better_from_the_guesses(scored):
                 scored = self._scored()
             late = self.fits.left == 0
-            more = not late and len(self.findings) < EFFECTS and self._went_on(scored)
+            more = not late and len(self.standing.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
                 more |= self._weighed()
@@ -122,9 +110,7 @@ class Search:
                 self._held_again()
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
-            if (had := self.aside) is not None:
-                self.problem, self.model, self.result = had.problem, had.model, had.result
-                self.findings, self.accepted = had.findings, had.accepted
+            self.standing = self.aside or self.standing
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         self._on_a_checked_mesh()
         self.renew()
@@ -140,7 +126,7 @@ class Search:
             more = self._worth(problem, again).over(self.now)
             if self.result.solver.converged and not more > 0:
                 return
-            self.problem, self.result = problem, again
+            self.standing = self.standing.at(problem, again)
             if more < WORTH:
                 return
 
@@ -149,12 +135,12 @@ class Search:
 
         Nothing where it is on such a mesh already.
         """
-        if self.findings and self.fits.left > 0 and self.result is not self._checked:
+        if self.standing.findings and self.fits.left > 0 and self.result is not self._checked:
             self.fits.say("the mesh, with what was found")
             base = replace(self._base, settings=replace(self.settings, check_mesh=True))
             holds = "".join(f", {r.name} {r.hold}" for r in self.problem.recordings)
             self._checked = self.fits.again(base, settled(self.problem, self.result), f"on a checked mesh{holds}")
-            self.result = self._checked or self.result
+            self.standing = replace(self.standing, result=self._checked or self.result)
 
     def _finer(self) -> None:
         """The same at once, and for all that comes: what a lag makes of a mesh that is too coarse for it, further effects would explain."""
@@ -169,14 +155,14 @@ class Search:
 
     def _held_again(self) -> None:
         """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
-        if self.held is None or not self.findings or self.fits.left == 0:
+        if self.held is None or not self.standing.findings or self.fits.left == 0:
             return
         self.fits.say("held inputs again, with what was found")
         straight = settled(self.problem, self.result)
         held = replace(straight, recordings=list(self.held))
         one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
         if one is not None and (other is None or self._worth(held, one).over(self._worth(straight, other)) > 0):
-            self.problem, self.result, self.held = held, one, None
+            self.standing, self.held = self.standing.at(held, one), None
 
     def _eliminate(self) -> None:
         """What was found before the last effect and is nothing beside it goes out of the model again.
@@ -188,59 +174,37 @@ class Search:
 
     def _without_idle_ones(self) -> bool:
         """One turn of that; whether something is gone."""
-        before = len(self.accepted)
-        for k in reversed(range(len(self.accepted) - 1)):
-            c = self.accepted[k]
+        before = len(self.standing.accepted)
+        for k in reversed(range(before - 1)):
+            c = self.standing.accepted[k]
             if not idle(c, self.result):
                 continue
             self.fits.say(f"{c.title} is nothing beside what was found later")
             found = self.without(k)
             if found is None or self._worth(found.problem, found.result).over(self.now) < -CLEAR:
                 continue
-            gone = self.findings[k].gain
-            self.take_out(k, found)
-            self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + gone)
-        return len(self.accepted) < before
+            self.standing = found.gaining(self.standing.findings[k].gain)
+        return len(self.standing.accepted) < before
 
-    @property
-    def named(self) -> list[Finding]:
-        """The findings that have a name, one for every candidate that was accepted."""
-        return [f for f in self.findings if f.explanation.physics != UNKNOWN]
-
-    def without(self, k: int, least: float = 0.0) -> Base | None:
-        """The model without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
+    def without(self, k: int, least: float = 0.0) -> Standing | None:
+        """Without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
 
         least: time that the fit has when the search's is over [s].
         """
-        posed = self._with([*self.accepted[:k], *self.accepted[k + 1 :]])
+        posed = self.standing.having(self.standing.others(k), self.bare)
         if posed is None:
             return None
-        problem, c = settled(posed[0], self.result), self.accepted[k]
+        problem, c = settled(posed[0], self.result), self.standing.accepted[k]
         found = self.fits.again(self._base, problem, f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}", least=least)
-        return None if found is None else replace(self._base, problem=problem, model=posed[1], result=found)
-
-    def _with(self, candidates: Sequence[Candidate]) -> tuple[Problem, Model] | None:
-        """The declared model with these; None where one needs another one, or a component would be what it is in neither model."""
-        posed = self.bare.having(candidates, self.problem, self.result)
-        known = self.bare.model.components, self.model.components
-        if posed is None or any(type(c) not in [type(there.get(name)) for there in known] for name, c in posed[1].components.items()):
-            return None
-        return posed
-
-    def take_out(self, k: int, rest: Base) -> None:
-        """The k-th of what was accepted goes, and the model is what stays."""
-        gone = self.named[k]
-        self.findings = [f for f in self.findings if f is not gone]
-        self.problem, self.model, self.result = rest.problem, rest.model, rest.result
-        self.accepted = [*self.accepted[:k], *self.accepted[k + 1 :]]
+        return None if found is None else self.standing.without(k, self.standing.at(problem, found, posed[1]))
 
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
         return self.fits.again(self._base, problem, what)
 
     @property
     def _base(self) -> Base:
-        changes = tuple(f.change for f in self.findings)
-        return Base(problem=self.problem, model=self.model, result=self.result, settings=self.settings, changes=changes)
+        changes = tuple(f.change for f in self.standing.findings)
+        return Base(problem=self.problem, model=self.standing.model, result=self.result, settings=self.settings, changes=changes)
 
     @property
     def now(self) -> Worth:
@@ -254,16 +218,15 @@ class Search:
         return worth_of(problem, result, weighed=self.settings.weigh)
 
     def renew(self) -> None:
-        """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
-        of = {id(f): c for f, c in zip(self.named, self.accepted, strict=True)}
-        self.findings = [renewed(f, of[id(f)], self.result, self._sizes) if id(f) in of else f for f in self.findings]
+        """What was found has the numbers that it has in the model as it stands."""
+        self.standing = self.standing.renewed(self._sizes)
 
     def _scored(self) -> Round:
         """All candidates beside the model as it is; as much time as that takes is owed to the scores that come after its fits."""
-        self.fits.say(f"round {len(self.findings) + 1}: scores")
-        began = time.time()
-        brought = loose(self.findings, self.accepted, self.bare.model, self.model)
-        scored = Round.of(self._base, self.bare, self.accepted, brought, self.fits, self.seed)
+        now, began = self.standing, time.time()
+        self.fits.say(f"round {len(now.findings) + 1}: scores")
+        brought = loose(now.findings, now.accepted, self.bare.model, now.model)
+        scored = Round.of(self._base, self.bare, now.accepted, brought, self.fits, self.seed)
         self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
         self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
         return replace(scored, fits=self.fits)
@@ -275,15 +238,16 @@ class Search:
         wrong, came to rest that body's parameters may be anything, and no small steps lead back from there.
         """
         unseen = {name: left for name, left in scored.sizes.left.items() if name in hidden(self.problem)}
-        if not self.accepted or self.asked is self.accepted[-1] or max(unseen.values(), default=0.0) < ASTRAY or self.fits.left == 0:
+        accepted = self.standing.accepted
+        if not accepted or self.asked is accepted[-1] or max(unseen.values(), default=0.0) < ASTRAY or self.fits.left == 0:
             return False
-        self.asked = self.accepted[-1]
-        posed = self._with(self.accepted)
+        self.asked = accepted[-1]
+        posed = self.standing.having(accepted, self.bare)
         self.fits.say("the model with what was found, from the guesses")
         found = None if posed is None else self.fits.anew(self._base, posed[0])
         if posed is None or found is None or not self._worth(*found).over(self.now) > CLEAR:
             return False
-        (self.problem, self.result), self.model = found, posed[1]
+        self.standing = self.standing.at(*found, posed[1])
         return True
 
     def _went_on(self, scored: Round) -> bool:
@@ -299,7 +263,7 @@ class Search:
         outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried += scored.tried
         if isinstance(outcome, Base):
-            self.problem, self.result, self.moved = outcome.problem, outcome.result, self.moved + 1
+            self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
         elif outcome is not None:
             self._keep(scored, outcome)
         return outcome is not None
@@ -314,44 +278,28 @@ class Search:
         found = self.fits.weighed(self._base, self.problem, self.result)
         if found is None:
             return False
-        if self.before is not None and (idle(self.accepted[-1], found[1]) or self.findings[-1].gain < FEW):
-            self.fits.say(f"{self.accepted[-1].title} is asked again")
-            again = self.fits.weighed(self._base, self.before.problem, found[1])
-            if again is not None:
-                if not idle(self.accepted[-1], found[1]):
-                    had = self.findings, self.accepted
-                    self.aside = Before(problem=found[0], model=self.model, result=found[1], findings=had[0], accepted=had[1])
-                found, self.model = again, self.before.model
-                self.findings, self.accepted = self.before.findings, self.before.accepted
-        (self.problem, self.result), self.settings = found, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
-        if not self.findings:
+        now, found = self.standing.at(*found), None
+        if self.before is not None and (idle(now.accepted[-1], now.result) or now.findings[-1].gain < FEW):
+            self.fits.say(f"{now.accepted[-1].title} is asked again")
+            found = self.fits.weighed(self._base, self.before.problem, now.result)
+        if self.before is not None and found is not None:
+            self.aside = None if idle(now.accepted[-1], now.result) else now
+            now = self.before.at(*found)
+        self.standing, self.settings = now, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
+        if not self.standing.findings:
             self.first = self.result
             self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
         return True
 
     def _keep(self, scored: Round, best: Best) -> None:
         """The best becomes a part of the model."""
-        self.aside = None
-        c, _, f = best.judged
-        had = self.findings, self.accepted
-        if f.problem is None or f.model is None or f.whole is None:
-            raise ValueError(f"{c.title} has no fit")
-        new = finding(scored.linearised, best.judged, scored.fitted, scored.found, scored.sizes, best.same)
-        stay = [not c.replaces(old) for old in self.accepted]
-        for old in self.accepted:
-            if c.exchanges(old):
-                c = c.instead_of(old)
-                new = renewed(replace(new, explanation=replace(new.explanation, place=c.place)), c, f.whole, scored.sizes)
-        whole = sum(old.gain for old, there in zip(self.findings, stay, strict=True) if not there)
-        self.findings = [*(old for old, there in zip(self.findings, stay, strict=True) if there), replace(new, gain=new.gain + whole)]
-        self.accepted = [*(old for old, there in zip(self.accepted, stay, strict=True) if there), c]
-        self.before = Before(problem=self.problem, model=self.model, result=self.result, findings=had[0], accepted=had[1])
-        brought = {p.name for p in f.problem.dae.places} - {p.name for p in self.problem.dae.places}
-        self.settings = replace(self.settings, supposed=self.settings.supposed | (hidden(f.problem) & brought))
-        lags = c.signals and len(f.problem.dae.states) > len(self.problem.dae.states)
-        self.problem, self.model, self.result = f.problem, f.model, f.whole
+        had, now = self.standing, self.standing.keeping(scored, best)
+        c, new, old = now.accepted[-1], now.problem.dae, had.problem.dae
+        brought = {p.name for p in new.places} - {p.name for p in old.places}
+        self.settings = replace(self.settings, supposed=self.settings.supposed | (hidden(now.problem) & brought))
+        self.standing, self.before, self.aside = now, had, None
         self._free(c)
-        if lags:
+        if c.signals and len(new.states) > len(old.states):
             self._finer()
 
     def _free(self, c: Candidate) -> None:
@@ -366,40 +314,29 @@ class Search:
             free[name] = share * self.result.parameters[whole].value
         problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
         found = self._again(problem, f"{c.title}, as it was found")
-        least = -LOST * self.findings[-1].gain if c.rounded else 0.0
+        least = -LOST * self.standing.findings[-1].gain if c.rounded else 0.0
         if found is not None and (more := self._worth(problem, found).over(self.now)) > least:
-            self.problem, self.result = problem, found
-            self.findings[-1] = replace(self.findings[-1], gain=self.findings[-1].gain + more)
+            self.standing = self.standing.at(problem, found).gaining(more)
 
     def _limits(self, scored: Round) -> None:
         """What could not have been seen, and what is left over."""
-        skipped = {f.explanation.key for f in self.findings}
-        self.undetectable = limits(scored.found, scored.sizes, self.model, skipped)
+        skipped = {f.explanation.key for f in self.standing.findings}
+        self.undetectable = limits(scored.found, scored.sizes, self.standing.model, skipped)
         self._unexplained(scored.sizes)
 
     def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
         rest = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed).told(self.tried)
         if isinstance(rest, Finding):
-            self.findings.insert(0, rest)
+            self.standing = replace(self.standing, findings=(rest, *self.standing.findings))
         elif rest:
             self.notes.append(rest)
 
-    @property
-    def faint(self) -> bool:
-        """Whether no finding is so sure that other recordings could not take it back.
-
-        Beside a force without a name none is: chances suppose that nothing else was left out. What no score tells of has no chance; its
-        evidence tells.
-        """
-        sure = [f.gain > FEW if np.isnan(f.p_value) else f.p_value < FAINT for f in self.findings]
-        return len(self.named) < len(self.findings) or not any(sure)
-
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""
-        self.problem, self.model, self.result = self.bare.problem, self.bare.model, self.first
-        self.findings, self.accepted = [f for f in self.findings if f.explanation.physics == UNKNOWN], []
+        nameless = tuple(f for f in self.standing.findings if f.explanation.physics == UNKNOWN)
+        self.standing = Standing(problem=self.bare.problem, model=self.bare.model, result=self.first, findings=nameless)
 
     def verdict(self) -> Class:
         """One word for what was found."""
-        return verdict(self.findings) if self.compared else "undecided"
+        return verdict(self.standing.findings) if self.compared else "undecided"

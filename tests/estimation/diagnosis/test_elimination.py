@@ -18,7 +18,8 @@ from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import HELD, QUICKLY, settled
 from backsight.estimation.diagnosis.refit import posed as having
-from backsight.estimation.diagnosis.search import Before, Search
+from backsight.estimation.diagnosis.search import Search
+from backsight.estimation.diagnosis.standing import Standing
 from backsight.estimation.diagnosis.verdict import Explanation, Finding
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.plants import actuator
@@ -46,22 +47,20 @@ def after(spring: float) -> Search:
     result = smooth(problem, settings=QUICKLY)
     assert result.solver.converged
     search = Search(
-        problem=bare,
-        model=bare.model,
-        result=smooth(bare, settings=QUICKLY),
+        standing=Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY)),
         fits=Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf),
     )
-    search.problem, search.model, search.result = settled(problem, result), model, result
-    search.accepted, search.findings = [first, later], [found(first, 10.0), found(later, 500.0)]
+    both = found(first, 10.0), found(later, 500.0)
+    search.standing = Standing(problem=settled(problem, result), model=model, result=result, findings=both, accepted=(first, later))
     return search
 
 
 def test_what_is_nothing_beside_what_was_found_later_goes_out_again():
     search = after(0.0)
     search._eliminate()
-    assert [f.explanation.physics for f in search.findings] == ["coulomb_friction"]
-    assert search.findings[0].gain == 510.0
-    assert "cubic_spring_carriage" not in search.model.components
+    assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
+    assert search.standing.findings[0].gain == 510.0
+    assert "cubic_spring_carriage" not in search.standing.model.components
     assert not any("cubic_spring" in name for name in (*search.problem.parameters, *search.result.parameters))
     f_c = search.result.parameters["coulomb_friction_carriage.f_c"]
     assert abs(f_c.value - 20.0) < 4 * f_c.std < 1.0
@@ -70,8 +69,8 @@ def test_what_is_nothing_beside_what_was_found_later_goes_out_again():
 def test_what_is_something_beside_it_stays():
     search = after(4e5)  # 50 N at the end of the way
     search._eliminate()
-    assert [f.explanation.physics for f in search.findings] == ["cubic_spring", "coulomb_friction"]
-    assert "cubic_spring_carriage" in search.model.components
+    assert [f.explanation.physics for f in search.standing.findings] == ["cubic_spring", "coulomb_friction"]
+    assert "cubic_spring_carriage" in search.standing.model.components
 
 
 @pytest.mark.parametrize(("gain", "stays"), [(13.0, False), (500.0, True)])
@@ -79,29 +78,31 @@ def test_little_gained_at_held_weights_is_sought_again_with_those_of_the_data(ga
     bare, friction = posed(run(1.0, 2e-3, f_c=20.0)), law("coulomb_friction")
     bare = replace(bare, weights=Weights())
     fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
-    search = Search(problem=bare, model=bare.model, result=smoothing(bare, settings=HELD), fits=fits, settings=HELD)
+    search = Search(standing=Standing(problem=bare, model=bare.model, result=smoothing(bare, settings=HELD)), fits=fits, settings=HELD)
     problem, model = having(bare, bare.model, friction, {})
-    search.before = Before(problem=bare, model=bare.model, result=search.result, findings=[], accepted=[])
-    search.problem, search.model, search.result = problem, model, smoothing(problem, settings=HELD)
-    search.accepted, search.findings = [friction], [found(friction, gain)]
+    result, one = smoothing(problem, settings=HELD), (found(friction, gain),)
+    search.before, search.standing = (
+        search.standing,
+        Standing(problem=problem, model=model, result=result, findings=one, accepted=(friction,)),
+    )
     assert search._weighed()
     assert search.settings.weigh
-    assert ("coulomb_friction_carriage" in search.model.components) is stays
-    assert len(search.findings) == len(search.accepted) == stays
+    assert ("coulomb_friction_carriage" in search.standing.model.components) is stays
+    assert len(search.standing.findings) == len(search.standing.accepted) == stays
     assert (search.first is search.result) is not stays
 
 
 def test_what_was_taken_back_is_there_again_where_there_was_no_time_to_seek_it():
     bare, friction = replace(posed(run(1.0, 2e-3, f_c=20.0)), weights=Weights()), law("coulomb_friction")
     fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=0.0)
-    search = Search(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY), fits=fits)
+    search = Search(standing=Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY)), fits=fits)
     problem, model = having(bare, bare.model, friction, {})
     result = smooth(problem, settings=QUICKLY)
-    search.aside = Before(problem=problem, model=model, findings=[found(friction, 60.0)], accepted=[friction], result=result)
+    search.aside = Standing(problem=problem, model=model, findings=(found(friction, 60.0),), accepted=(friction,), result=result)
     search.run()
-    assert [f.explanation.physics for f in search.findings if f.explanation.physics != "unknown_physics"] == ["coulomb_friction"]
-    assert "coulomb_friction_carriage" in search.model.components
-    assert search.findings[-1].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.05)
+    assert [f.explanation.physics for f in search.standing.findings if f.explanation.physics != "unknown_physics"] == ["coulomb_friction"]
+    assert "coulomb_friction_carriage" in search.standing.model.components
+    assert search.standing.findings[-1].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.05)
 
 
 def test_what_a_later_one_needs_cannot_go():

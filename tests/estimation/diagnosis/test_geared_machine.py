@@ -13,7 +13,7 @@ from backsight.estimation.diagnosis.couplings import of_ideal, of_soft
 from backsight.estimation.diagnosis.elimination import Bare
 from backsight.estimation.diagnosis.laws import Motion
 from backsight.estimation.diagnosis.places import elements
-from backsight.estimation.diagnosis.search import Search
+from backsight.estimation.diagnosis.standing import Standing
 from backsight.models import Model, compile_model
 from backsight.models.analysis.linearise import linearise
 from backsight.models.mechanics.rotational import (
@@ -177,12 +177,11 @@ def test_no_model_is_put_together_of_components_that_it_does_not_have():
     model = loose.edited(section.edited(there))
     problem = Problem(model=machine(), recordings=[recorded(60.0, 0.05, 1, "fit")], parameters={"arm.J": Free(5e-3)})
     result = SimpleNamespace(parameters={}, residual_places={})
-    search = Search(problem=problem, model=machine(), result=result, fits=None)
-    search.model = model
+    standing, bare = Standing(problem=problem, model=model, result=result), Bare(problem=problem, model=machine())
     names = {type(model.components[n]) for n in ("gear_coupling", "gear_coupling_2")}
     assert len(names) == 2
-    assert search._with([section, loose.instead_of(soft)]) is None
-    assert search._with([soft, section, loose]) is not None
+    assert standing.having([section, loose.instead_of(soft)], bare) is None
+    assert standing.having([soft, section, loose], bare) is not None
 
 
 def test_a_soft_gear_resonates_where_its_guess_says():

@@ -20,6 +20,7 @@ from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.refit import HELD, at_work, hidden
 from backsight.estimation.diagnosis.search import ASTRAY, Search
+from backsight.estimation.diagnosis.standing import Standing
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
 from backsight.models.mechanics.rotational import RotationalFriction
@@ -101,8 +102,9 @@ def astray() -> Search:
     heavy = replace(problem, parameters={**problem.parameters, "load.J": 50 * LOAD, "motor.J": Free(MOTOR)})
     kept = Keep(None, problem)
     fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=kept, say=lambda _: None, end=time.time() + 1e4)
-    search = Search(problem=bare, model=soft_drive(), result=smoothing(heavy, settings=HELD), fits=fits, settings=HELD)
-    search.problem, search.accepted = problem, [wrong]
+    begun = Standing(problem=bare, model=soft_drive(), result=smoothing(heavy, settings=HELD))
+    search = Search(standing=begun, fits=fits, settings=HELD)
+    search.standing = replace(begun, problem=problem, accepted=(wrong,))
     return search
 
 

@@ -22,6 +22,7 @@ from backsight.estimation.diagnosis.refit import HELD, QUICKLY
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.search import Search
 from backsight.estimation.diagnosis.shares import FLOOR
+from backsight.estimation.diagnosis.standing import Standing
 from backsight.estimation.diagnosis.words import withdrawn
 from backsight.estimation.smoothing.begun import Begun, force_stds
 from backsight.estimation.smoothing.smoother import smoothing
@@ -34,7 +35,7 @@ def begun(force: Force | None = None) -> Search:
     """A search on an axis with a white force of LEFT [N sqrt(s)], its weight from the data; its time is over."""
     problem = replace(posed(run(1.0, 2e-3, force=force)), weights=Weights())
     fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=0.0)
-    return Search(problem=problem, model=problem.model, result=smooth(problem, settings=QUICKLY), fits=fits)
+    return Search(standing=Standing(problem=problem, model=problem.model, result=smooth(problem, settings=QUICKLY)), fits=fits)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,7 @@ def linearised(search: Search) -> Linearised:
 
 
 def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, share: float = 2 * NAMELESS) -> None:
-    search.findings, search.notes = [], []
+    search.standing, search.notes = replace(search.standing, findings=()), []
     monkeypatch.setattr(LeftOver, "needed", lambda *_: needed)
     left = SimpleNamespace(left={"carriage": share}, base=linearised(search))
     search._unexplained(left)  # type: ignore[arg-type]
@@ -75,20 +76,20 @@ def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, sha
 @pytest.mark.parametrize("needed", [True, False])
 def test_it_becomes_a_finding_or_a_note(slow: Search, needed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(slow, needed, monkeypatch)
-    assert [f.explanation.place for f in slow.findings] == ["carriage"] * needed
+    assert [f.explanation.place for f in slow.standing.findings] == ["carriage"] * needed
     assert [note.partition(":")[0] for note in slow.notes] == ["Left over at carriage"] * (not needed)
 
 
 def test_a_force_that_is_forgotten_at_once_is_noise(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(search, True, monkeypatch)
-    assert search.findings == []
+    assert search.standing.findings == ()
     assert search.notes[0].endswith("too little for something that is missing.")
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.9 * FLOOR, "at no place a larger share"), (0.9 * NAMELESS, "too little for something")])
 def test_a_force_that_lasts_and_is_small_is_a_note(slow: Search, share: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(slow, True, monkeypatch, share)
-    assert slow.findings == []
+    assert slow.standing.findings == ()
     (note,) = slow.notes
     assert told in note
     assert f"{100 * share:.2g} % of the forces there" in note
@@ -97,9 +98,10 @@ def test_a_force_that_lasts_and_is_small_is_a_note(slow: Search, share: float, t
 @pytest.mark.parametrize("has_found", [False, True])
 def test_what_held_weights_left_over_is_explained_by_findings_alone(slow: Search, has_found: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Weights from the data shift a force to where it acts: with nothing found all of it is still to be explained."""
-    there = Search(problem=slow.problem, model=slow.model, result=slow.result, fits=slow.fits, settings=HELD)
+    there = Search(standing=slow.standing, fits=slow.fits, settings=HELD)
     monkeypatch.setattr(Fits, "weighed", lambda *_: (slow.problem, slow.result))
-    there.findings, there.first_left = [found().findings[0]] * has_found, {"elsewhere": 0.05}
+    there.standing = replace(there.standing, findings=(found().findings[0],) * has_found)
+    there.first_left = {"elsewhere": 0.05}
     assert there._weighed()
     assert there.settings.weigh
     assert there.first_left == ({"elsewhere": 0.05} if has_found else {})
@@ -146,8 +148,7 @@ def test_of_white_noise_seen_through_the_smoother_nothing_lasts(slow: Search, no
 
 @pytest.mark.parametrize(("gain", "faint"), [(5200.0, False), (50.0, True)])
 def test_what_has_no_chance_is_faint_by_its_evidence(search: Search, gain: float, faint: bool) -> None:
-    sure = Search(problem=search.problem, model=search.model, result=search.result, fits=search.fits)
-    sure.findings = [replace(found().findings[0], p_value=float("nan"), gain=gain)]
+    sure = replace(search.standing, findings=(replace(found().findings[0], p_value=float("nan"), gain=gain),))
     assert sure.faint is faint
     assert withdrawn(sure.findings, proof()).startswith("Not borne out: coulomb friction at carriage, by")
 
@@ -157,19 +158,18 @@ def test_what_is_withdrawn_leaves_the_model_as_declared_and_forces_without_a_nam
     search: Search, slow: Search, chances: tuple[float, ...], faint: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left_over(slow, True, monkeypatch)
-    (nameless,) = slow.findings
-    changed = Search(problem=search.problem, model=search.model, result=search.result, fits=search.fits)
-    changed.problem, changed.result = slow.problem, slow.result
-    changed.findings = [replace(found().findings[0], p_value=p) for p in chances]
-    assert changed.faint is faint
-    changed.findings.append(nameless)
-    assert changed.faint  # nothing is sure beside a force that nobody knows
-    text = withdrawn(changed.findings, replace(proof(), improvement_percent=-12.0))
+    (nameless,) = slow.standing.findings
+    changed = Search(standing=search.standing, fits=search.fits)
+    changed.standing = replace(slow.standing, findings=tuple(replace(found().findings[0], p_value=p) for p in chances))
+    assert changed.standing.faint is faint
+    changed.standing = replace(changed.standing, findings=(*changed.standing.findings, nameless))
+    assert changed.standing.faint  # nothing is sure beside a force that nobody knows
+    text = withdrawn(changed.standing.findings, replace(proof(), improvement_percent=-12.0))
     assert text.startswith("Not borne out: coulomb friction at carriage (p ")
     assert "unknown" not in text
     assert "12 % larger" in text
     changed.withdraw()
-    assert changed.findings == [nameless]
+    assert changed.standing.findings == (nameless,)
     assert (changed.problem, changed.result) == (search.problem, search.result)
     assert changed.verdict() == "unknown_physics"
 
