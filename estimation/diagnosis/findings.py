@@ -67,7 +67,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
     began = c.onset if s is None else onset(base, s)
     return Finding(
         explanation=explained(c, f.result),
-        p_value=found.chance.of(s.worth) if s is not None else math.nan,
+        p_value=math.nan if s is None else _chance(found, s, f),
         gain=float(f.gain),
         change=_change(c, f.result),
         share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,
@@ -77,6 +77,11 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         rivals=tuple(rivals),
         separates=_separates(base, best, near),
     )
+
+
+def _chance(found: Screen, s: Screened, f: Fitted) -> float:
+    """Of what its score says, or its fit where that gained more: far from the truth a straight line falls short."""
+    return found.chance.of(max(s.gain, f.gain) / s.inflation)
 
 
 def _left_open(best: Judged, other: Judged) -> bool:

@@ -96,6 +96,22 @@ def test_of_a_sensor_what_comes_late_is_fitted_beside_what_reads_otherwise():
     assert chosen(screen(late, gain, delay, lag, off), sizes) == [late, gain, delay]
 
 
+def of_family(s: Screened, family: str) -> Screened:
+    return replace(s, look=replace(s.look, candidate=replace(s.candidate, family=family)))
+
+
+@pytest.mark.parametrize(("gain", "is_fitted"), [(50.0, True), (20.0, False)])
+def test_where_something_is_late_what_may_be_late_on_the_other_side_is_fitted_beside_all_else(gain, is_fitted):
+    """An encoder a tenth of the motion late: its score goes by a straight line, the input's delay gains more, and so does much else."""
+    late = of_family(screened("input:tau", "input_delay", 178.0), "actuator")
+    wrong = [screened(f"link_{k}", "wrong_parameter", 80.0 - k) for k in range(5)]
+    delay, lag = (of_family(screened("sensor:phi", f"sensor_{word}", g), "sensor") for word, g in (("delay", gain), ("lag", gain - 10.0)))
+    found = chosen(screen(late, *wrong, delay, lag), SimpleNamespace(names=[], shares=lambda *_: {"joint": 0.2}))
+    assert [s for s in found if s.candidate.family == "sensor"] == [delay][:is_fitted]
+    assert late in found
+    assert len(found) > 5
+
+
 @pytest.mark.parametrize("at_body", [True, False])
 def test_a_body_with_several_balances_has_the_best_of_each_fitted(at_body):
     """Four forces gain most. What turns the body, or another one, is fitted beside them, and not a fifth force that gains as much."""
