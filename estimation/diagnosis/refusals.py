@@ -10,7 +10,8 @@ import numpy as np
 from backsight.models import Model
 
 from ..results import Smoothing
-from ..smoothing.rest import rounded_signs, strengths_at_rest
+from ..smoothing.begun import followed_by
+from ..smoothing.rest import rounded_signs, sliding, strengths_at_rest
 from .candidates import Candidate
 from .choice import SIGNALS, amiss, clear, sound
 from .findings import Judged, explained, fitted_strengths
@@ -22,6 +23,8 @@ from .verdict import Finding, Tried
 DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less mends its model
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
 VISCOUS = ("d", "d_plus", "d_minus")
+ONE_WAY = ("f_plus", "f_minus", "tau_plus", "tau_minus")
+SLIDES = 0.01  # of a record: what slides in a direction for less is not known by that
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
 
@@ -135,14 +138,18 @@ def refining(c: Candidate, s: Screened | None, f: Fitted, before: Smoothing, siz
 
 
 def creeping(c: Candidate, f: Fitted) -> bool:
-    """Whether it is viscous friction steeper than the rounded sign that holds the body: more than the level of that over its width.
+    """Whether it is friction of a body at rest: of a direction in which it hardly ever slides, or viscous and steeper than a rounded sign.
 
-    A body that moves so slowly rests; friction of a direction in which it never turns would be found so.
+    A body that moves so slowly rests: a sign that holds it has its level over its width, and what is steeper takes its place.
     """
     if c.family != "friction" or f.result is None or f.worth.solution is None:
         return False
-    level = strengths_at_rest(f.worth.solution).get(c.place, 0.0)
-    width = max(rounded_signs(f.worth.solution).get(c.place, {}).values(), default=np.inf)
+    solution, levels = f.worth.solution, [path for word, path in c.named.items() if word in ONE_WAY]
+    if levels and f.problem is not None:
+        slides = sliding(f.problem.posed, solution, followed_by(solution)).get(f"{levels[0].rpartition('.')[0]}.width")
+        return slides is not None and min(slides) < SLIDES
+    level = strengths_at_rest(solution).get(c.place, 0.0)
+    width = max(rounded_signs(solution).get(c.place, {}).values(), default=np.inf)
     viscous = [path for word, path in c.named.items() if word in VISCOUS and path in f.result.parameters]
     return level > 0 and any(f.result.parameters[path].value * width > level for path in viscous)
 

@@ -128,6 +128,15 @@ def rounding(velocity: Array, resting: bool = True) -> float:
     return float(np.clip(np.median(slow), SHARPER * width, width)) if rests else width
 
 
+def sliding(problem: Problem, solution: Solution, followed: Followed) -> dict[str, tuple[float, float]]:
+    """Name of a law's width -> of all knots, the shares at which its body slides forwards and backwards: faster than NEAR widths."""
+    found = {}
+    for law in friction_laws(problem):
+        v = _velocity(problem, law, followed, solution.parameters) / solution.parameters[law.width]
+        found[problem.dae.parameters[law.width].name] = float(np.mean(v > NEAR)), float(np.mean(v < -NEAR))
+    return found
+
+
 def left_alone(problem: Problem, laws: tuple[FrictionLaw, ...]) -> tuple[FrictionLaw, ...]:
     """The laws whose width the user did not give."""
     return tuple(law for law in laws if problem.dae.parameters[law.width].name not in problem.parameters)

@@ -10,16 +10,20 @@ import pytest
 from concealed_axis import posed, run
 from screened import screened
 
-from backsight.estimation import Free, Smoothing, smooth
+from backsight.estimation import Free, Recording, Smoothing, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Signal, Since
+from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.library import library
+from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted
+from backsight.estimation.diagnosis.refit import posed as having
 from backsight.estimation.diagnosis.refusals import Beside, creeping, misleading, refining, slight, stands_in, trifling, why_not
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import FLOOR, Sizes
 from backsight.estimation.diagnosis.supermodel import looked_at
 from backsight.estimation.diagnosis.worth import Worth
+from backsight.models.plants import actuator
 
 
 @pytest.mark.parametrize(("already", "left", "out"), [(2, 0.9, True), (2, 0.5, False), (1, 0.9, False)])
@@ -151,6 +155,26 @@ def test_viscous_friction_steeper_than_the_rounded_sign_is_how_that_creeps(with_
     told = {name: SimpleNamespace(value=value) for name, value in zip(c.strengths, (190.0, d_minus), strict=True)}
     worth = Worth(nats=0.0, solution=result.solution)
     assert creeping(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told), worth=worth)) is is_it
+
+
+@pytest.mark.parametrize(("both_ways", "is_it"), [(True, False), (False, True)])
+def test_friction_of_a_direction_in_which_nothing_slides_is_not_told(both_ways, is_it):
+    """An axis whose velocity is given: the force that this takes with mass, viscous friction and 20 N against the motion is its input."""
+    t = np.arange(0.0, 3.0, 1e-3)
+    slow, w = 0.0 if both_ways else 0.2, 2 * np.pi * 1.3
+    v, a, x = slow + 0.15 * np.sin(w * t), 0.15 * w * np.cos(w * t), slow * t - 0.15 / w * np.cos(w * t)
+    force = 95.0 * a + 200.0 * v + 20.0 * np.sign(v)
+    outputs = {"x": x + 2e-6 * np.random.default_rng(0).standard_normal(len(t))}
+    recording = Recording(name="axis", time=t, inputs={"F": force}, outputs=outputs, output_std={"x": 2e-6}, hold="linear")
+    axis = replace(posed(run(0.1), W={"carriage": 0.05}), recordings=[recording])
+    (spot,) = bodies(actuator())
+    law = next(one for one in AGAINST_GROUND if one.label == "asymmetric_level")
+    c = of_law(law, actuator(), spot, Motion(v_rms=0.2, low=-0.1, high=0.1))
+    problem, model = having(axis, axis.model, c, {})
+    result = smooth(problem)
+    fit = Fitted(candidate=c, problem=problem, model=model, result=result, worth=Worth(nats=0.0, solution=result.solution))
+    assert result.parameters[f"{c.strengths[0].rpartition('.')[0]}.f_plus"].value == pytest.approx(20.0, abs=1.0)
+    assert creeping(c, fit) is is_it
 
 
 def test_friction_that_yields_over_a_short_way_is_weighed_as_a_whole_beside_that_which_is_at_work(with_friction):
