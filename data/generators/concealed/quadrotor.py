@@ -101,7 +101,7 @@ def fly(craft: Craft, pilot: Pilot, moves: np.ndarray, setting: Setting, effects
                 y = advance(rates, t, y, until - t, max(1, int(np.ceil((until - t) / LONGEST_STEP - 1e-9))))
                 n = craft.spun(n, now, until - t)[0]
         y[3:7] /= np.linalg.norm(y[3:7])
-    return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=forces, clean=clean, sensors=sensors)
+    return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=forces, clean=clean, jumps=np.zeros_like(clean), sensors=sensors)
 
 
 def motion(craft: Craft, n: np.ndarray, u: np.ndarray, begin: float, held: np.ndarray, forces: list[Wrench]) -> Rates:

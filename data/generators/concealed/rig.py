@@ -87,7 +87,10 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """time (n,), commands (n, inputs), what acted, q, v, a (n, coordinates), clean outputs (n, outputs) and the errors of the readings."""
+    """time (n,), commands (n, inputs), what acted, q, v, a (n, coordinates), clean outputs (n, outputs) and the errors of the readings.
+
+    jumps (n, outputs): of the outputs where a row begins.
+    """
 
     time: np.ndarray
     commands: np.ndarray
@@ -96,12 +99,14 @@ class Trace:
     v: np.ndarray
     a: np.ndarray
     clean: np.ndarray
+    jumps: np.ndarray
     sensors: Sensors
 
     def recorded(self, names: tuple[str, ...], effects: tuple[Effect, ...]) -> dict[str, np.ndarray]:
         """Readings (n,) of the outputs, with the faults of their sensors."""
-        clean, faults = dict(zip(names, self.clean.T, strict=True)), sensor_faults(effects)
-        true = {o: faults[o].read(o, self.time, clean) if o in faults else clean[o] for o in names}
+        clean, jumps = (dict(zip(names, of.T, strict=True)) for of in (self.clean, self.jumps))
+        faults = sensor_faults(effects)
+        true = {o: faults[o].read(o, self.time, clean, jumps) if o in faults else clean[o] for o in names}
         return {o: np.array([self.sensors.read(o, k, float(y)) for k, y in enumerate(true[o])]) for o in names}
 
 
@@ -139,6 +144,7 @@ def operate(machine: Machine, control: Control, setting: Setting, effects: tuple
     actuation = Actuation(input_faults(effects, machine.inputs), np.zeros(len(machine.inputs)))
     record = [np.empty((rows, k)) for k in (len(machine.inputs), len(machine.inputs), q.size, q.size, q.size, len(machine.outputs))]
     commands, acted, qs, vs, accs, clean = record
+    jumps = np.zeros_like(clean)
     for k in range(rows):
         seen = machine.read(q, v, np.zeros_like(q))
         commands[k] = control.command(k, seen + OWN * np.array([sensors.error[o][k] for o in machine.outputs]))
@@ -153,7 +159,10 @@ def operate(machine: Machine, control: Control, setting: Setting, effects: tuple
                 clean[k] = machine.read(q, v, accs[k])
             if k + 1 < rows:
                 q, v = advance(dynamics, friction, t, q, v, until - t, machine.substeps)
-    return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=accs, clean=clean, sensors=sensors)
+        if k + 1 < rows:
+            jumps[k + 1] = -machine.read(q, v, accelerations(dynamics, friction, end, q, v))
+    jumps[1:] += clean[1:]
+    return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=accs, clean=clean, jumps=jumps, sensors=sensors)
 
 
 def _dynamics(machine: Machine, u: Callable[[float], np.ndarray], held: np.ndarray, effects: list[Effect]) -> Dynamics:

@@ -1,6 +1,9 @@
 """Faults of a sensor, applied to what it should have read; the control has sensors of its own, which are right.
 
 reading(t) = gain y(t - delay) + bias + rate (t - t_0) + amplitude (sin(y + phase) - sin(phase)) + angle * another output,   lagging by tau
+
+An acceleration jumps where a command is held from row to row, and half a row is a good part of a lag. So y between the rows is a spline of
+what is left of it without its jumps at the rows, and these are added again.
 """
 
 from collections.abc import Mapping
@@ -29,27 +32,38 @@ class SensorFault:
     other: str = ""
     onset: float = -np.inf
 
-    def read(self, name: str, time: np.ndarray, clean: Mapping[str, np.ndarray]) -> np.ndarray:
-        """What it reads (n,) instead of clean[name] (n,); before the first row all was as in it."""
-        y = clean[name]
+    def __post_init__(self) -> None:
+        if self.delay and self.tau:
+            raise ValueError("a sensor is late by a delay or by a lag")
+
+    def read(
+        self, name: str, time: np.ndarray, clean: Mapping[str, np.ndarray], jumps: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """What it reads (n,) of clean[name] (n,), which jumps by jumps[name] (n,) at its rows; before the first one all was as there."""
+        jumped = dict.fromkeys(clean, np.zeros(time.size)) if jumps is None else jumps
+        y, jump = clean[name], jumped[name]
         if self.angle:
-            y = np.cos(self.angle) * y + np.sin(self.angle) * clean[self.other]
+            own, across = np.cos(self.angle), np.sin(self.angle)
+            y, jump = own * y + across * clean[self.other], own * jump + across * jumped[self.other]
+        steps = np.cumsum(jump)
         if self.delay:
-            y = CubicSpline(time, y)(np.maximum(time - self.delay, time[0]))
+            when = np.maximum(time - self.delay, time[0])
+            y = CubicSpline(time, y - steps)(when) + steps[np.searchsorted(time, when, side="right") - 1]
         if self.tau:
-            y = _lagging(time, y, self.tau)
+            y = _lagging(time, CubicSpline(time, y - steps), steps, self.tau)
         out = self.gain * y + self.bias + self.rate * (time - max(self.onset, time[0]))
         out = out + self.amplitude * (np.sin(y + self.phase) - np.sin(self.phase))
         found: np.ndarray = np.where(time >= self.onset, out, clean[name])
         return found
 
 
-def _lagging(time: np.ndarray, y: np.ndarray, tau: float) -> np.ndarray:
-    """x of tau x' = y - x, from x = y; exact where y is linear between FINER points in each row."""
+def _lagging(time: np.ndarray, smooth: CubicSpline, steps: np.ndarray, tau: float) -> np.ndarray:
+    """x of tau x' = y - x, from x = y; y = smooth + steps (n,), and linear between FINER points in each row."""
     fine = np.interp(np.arange((time.size - 1) * FINER + 1) / FINER, np.arange(time.size), time)
-    u, x = CubicSpline(time, y)(fine), np.empty(fine.size)
-    x[0] = u[0]
+    u, held, x = smooth(fine), np.repeat(steps[:-1], FINER), np.empty(fine.size)
+    x[0] = u[0] + steps[0]
     for k, h in enumerate(np.diff(fine)):
-        keep, slope = np.exp(-h / tau), (u[k + 1] - u[k]) / h
-        x[k + 1] = u[k + 1] - tau * slope + keep * (x[k] - u[k] + tau * slope)
+        begin, end = u[k] + held[k], u[k + 1] + held[k]
+        slope = (end - begin) / h
+        x[k + 1] = end - tau * slope + np.exp(-h / tau) * (x[k] - begin + tau * slope)
     return x[::FINER]

@@ -21,6 +21,7 @@ from backsight.data.generators.concealed.drillstring import Rig
 from backsight.data.generators.concealed.five_bar import Joints
 from backsight.data.generators.concealed.quadrotor import Craft, fly, stick
 from backsight.data.generators.concealed.rig import Machine, Setting, Trace, operate
+from backsight.data.generators.concealed.sensing import SensorFault
 from backsight.data.generators.concealed.xy_table import Gantry
 from backsight.data.generators.quadrotor import G, Quadrotor, with_values
 from backsight.data.generators.run import clock
@@ -28,6 +29,7 @@ from backsight.data.generators.runge_kutta import advance
 from backsight.data.generators.xy_table import Table
 from backsight.models import Model, compile_model, simulate
 from backsight.models.plants import actuator, drillstring, five_bar, quadrotor, xy_table
+from backsight.models.signals import Lag
 
 SECONDS = {"actuator": 1.0, "xy_table": 0.6, "drillstring": 6.0, "five_bar": 0.6}
 PLANTS = {"actuator": actuator, "xy_table": xy_table, "drillstring": drillstring, "five_bar": five_bar}
@@ -65,6 +67,26 @@ WITHOUT = pytest.mark.parametrize("bench", [AXIS, TABLE, DRILL, ARM], ids=lambda
 def test_without_effects_it_moves_like_the_plant(bench: RigBench) -> None:
     accuracy = 1e-5 if bench is DRILL else 1e-6  # its step is long against L/R
     assert compare(bench, PLANTS[bench.plant](), {}, {}, START.get(bench.plant, {})) < accuracy
+
+
+def test_an_accelerometer_behind_a_lag_reads_what_the_plant_with_one_does() -> None:
+    """What the motors' currents make of the acceleration jumps from row to row, and the lag is as long as two of these.
+
+    But for ten rows about where a wheel stops or breaks away, which it does between two rows.
+    """
+    _, trace = trace_of(TABLE, usual(TABLE), {})
+    names = ("x_r", "y_r", "ax_r", "ay_r", "x_m", "y_m")
+    clean, jumps = (dict(zip(names, of.T, strict=True)) for of in (trace.clean, trace.jumps))
+    read = SensorFault(tau=0.004).read("ay_r", trace.time, clean, jumps)
+    commands = dict(zip(("I_x", "I_y"), trace.commands.T, strict=True))
+    lagging = compile_model(xy_table().insert("sensor:ay_r", Lag(tau=0.004), "lag"))
+    told = simulate(lagging, trace.time, commands, usual(TABLE), {**START["xy_table"], "lag.y": clean["ay_r"][0]}).outputs["ay_r"]
+    rests = np.any(np.diff(trace.v == 0.0, axis=0, prepend=True), axis=1)
+    steady = ~np.convolve(rests, np.ones(21), mode="same").astype(bool)
+    assert np.count_nonzero(steady) > 100
+    size = np.std(clean["ay_r"])
+    assert np.abs(told - read)[steady].max() < 0.005 * size
+    assert np.abs(told - clean["ay_r"])[steady].max() > 0.2 * size
 
 
 def test_friction_inertia_and_damping_that_the_study_leaves_out_act_like_those_of_the_gantry_plant() -> None:
