@@ -37,9 +37,9 @@ SHARPER = 1e-3  # a friction law's width in the windows over that of smoothing
 SEEN = 1e-3  # of what other modes do to the outputs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Predictor:
-    """A fitted model with the held-out pieces smoothed by it."""
+    """A fitted model with the held-out pieces smoothed by it; each is one of its own."""
 
     problem: Problem
     smoothed: Smoothing

@@ -148,10 +148,11 @@ def _squares(before: Predictor, after: Predictor, number: int, piece: Recording,
     Of the errors of both models, of what stays where it was, and of what is left at best.
     """
     rows, length = _windows(piece, spans, before.known(number) & after.known(number))
-    a, b = (
-        side.error(number, rows, length)[[[q.name for q in side.problem.dae.outputs].index(name) for name in outputs]]
-        for side in (before, after)
-    )
+    errors_of = {
+        side: side.error(number, rows, length)[[[q.name for q in side.problem.dae.outputs].index(name) for name in outputs]]
+        for side in {before, after}
+    }
+    a, b = errors_of[before], errors_of[after]  # one model may be both
     both = np.isfinite(a) & np.isfinite(b)
     at = np.minimum(rows[:, None] + np.arange(a.shape[2]), len(piece.time) - 1)
     y = np.array([piece.outputs.get(name, np.full(len(piece.time), np.nan)) for name in outputs])
