@@ -153,7 +153,8 @@ class Candidate:
     of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted. later: as start, of
     those that lead a fit astray while the others are far off: free when it is kept. rounded: parameter -> that of which it is a share, and
     the share, by what that was found to be when it is kept. beside: parameter of the base model -> factor of it where a fit starts, so that
-    both together are what it was alone; if it is free. stated: a number that the study itself gives, doubted before one of the model.
+    both together are what it was alone; if it is free. stated: a number that the study itself gives, doubted before one of the model; also
+    a mass that it says is nothing.
     """
 
     place: str
@@ -180,7 +181,9 @@ class Candidate:
 
     @property
     def rank(self) -> int:
-        """Place of its family in the order of explanations."""
+        """Place of its family in the order of explanations; a number that the study gives is wrong first, also one that was nothing."""
+        if self.stated:
+            return 0
         return ORDER.index(self.family) if self.family in ORDER else len(ORDER)
 
     def replaces(self, other: Candidate) -> bool:

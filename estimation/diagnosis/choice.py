@@ -231,8 +231,8 @@ def explaining(c: Candidate, s: Screened | None, f: Fitted) -> bool:
     return clear(s, f) and sound(c, f) and not (c.family in SIGNALS and f.result is not None and coloured(f.result))
 
 
-def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, int]]]) -> T:
-    """Of fits (what it is, its score, nats gained, rank and size), best first: the plainest of those that cannot be told from the best.
+def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, ...]]]) -> T:
+    """Of fits (what it is, its score, nats gained, how plain), best first: the plainest of those that cannot be told from the best.
 
     What the best one leaves over tells how far: where that is not white, nats are worth less, and those are out of it that are worth much
     less than another one.

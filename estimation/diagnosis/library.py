@@ -35,6 +35,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 LOOKED_AT = 2000  # places of a recording where motions are looked at
 HEARD = 4.0  # mean square of a reading over that of its noise: of less a gain would be one of noise
 UNITS = ("N", "N.m")
+MASSES = ("m", "J")
 
 
 def library(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
@@ -79,7 +80,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
         found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, span=spans.get(name), begin=begin)
-    return [_absorbing(c, problem, values) for c in found] + _fixed(problem, model, dae, solution.parameters, brought)
+    return [_said(_absorbing(c, problem, values), problem) for c in found] + _fixed(problem, model, dae, solution.parameters, brought)
 
 
 def _heard(horizons: Sequence[Horizon], output: int) -> float:
@@ -110,9 +111,16 @@ def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candi
     return c if own == c.absorbs else replace(c, absorbs=own)
 
 
+def _said(c: Candidate, problem: Problem) -> Candidate:
+    """A mass that is added where the study says that there is none is a number of the study that is wrong."""
+    given = (problem.parameters.get(f"{c.place}.{word}") for word in MASSES)
+    nothing = any(not isinstance(value, Free) and value == 0.0 for value in given)
+    return replace(c, stated=True) if nothing and c.physics == "added_mass" and c.onset is None else c
+
+
 def _masses(model: Model, values: dict[str, float]) -> dict[str, float]:
     """Component -> its mass or moment of inertia."""
-    paths = {name: f"{name}.{word}" for name, c in model.components.items() for word in ("m", "J") if word in c.declared_parameters}
+    paths = {name: f"{name}.{word}" for name, c in model.components.items() for word in MASSES if word in c.declared_parameters}
     return {name: values[told] for name, path in paths.items() if (told := own_name(model, path)) in values}
 
 

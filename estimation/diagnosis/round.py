@@ -119,7 +119,7 @@ class Round:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
         if not good:
             return None
-        best = simplest([(f, f[1], f[2].gain, (f[0].rank, f[0].size)) for f in good])
+        best = simplest([(f, f[1], f[2].gain, f[0].plainness) for f in good])
         same = indistinct(best, good)
         best, same = min([best, *same], key=lambda f: (f[0].plainness, -f[2].gain)), [best, *same]
         return Best(judged=self._set_in(best), same=tuple(f[0] for f in same))

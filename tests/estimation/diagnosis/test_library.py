@@ -10,7 +10,7 @@ from concealed_axis import posed, run, smoothed
 
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Insert
-from backsight.estimation.diagnosis.library import _kinematic, _tilting, library
+from backsight.estimation.diagnosis.library import _kinematic, _said, _tilting, library
 from backsight.models import Model, Parameter, compile_model
 from backsight.models.mechanics.rotational import Inertia, Rack
 from backsight.models.mechanics.translational import Mass
@@ -49,6 +49,16 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
         found = library(problem, problem.model, smooth(problem).solution)
         wrong = {name for c in found if c.physics == "wrong_parameter" for name in c.strengths}
         assert wrong == suspects  # friction.f_c and offset.f are absent, not wrong
+
+
+@pytest.mark.parametrize(("given", "is_said"), [(0.0, True), (90.0, False), (Free(90.0), False)])
+def test_a_mass_that_the_study_says_is_nothing_is_doubted_before_numbers_of_the_model(axis, given, is_said):
+    problem, _, found = axis
+    problem = replace(problem, parameters={**problem.parameters, "carriage.m": given})
+    added, spring = (_said(next(c for c in found if c.physics == word), problem) for word in ("added_mass", "spring"))
+    default = Candidate(place="screw", family="parameter", physics="wrong_parameter", strengths=("screw.k",))
+    assert (added.plainness < default.plainness) is is_said
+    assert spring.plainness > default.plainness
 
 
 @pytest.mark.parametrize(("suspects", "together"), [(("Ixx", "Iyy", "Izz"), True), (("Ixx", "Izz"), False)])
