@@ -9,15 +9,17 @@ nlp.py, evaluated.py                   the program, and its terms in numbers
 pointwise.py, lifting.py, blocks.py    derivatives at points, what a mesh makes of them, a term of both; columnwise.py carries them out
 follow.py, scaling.py, linear.py       where a solve starts, in which units, how fast its answer can move
 gauss_newton.py, constrained.py        solving it by plain steps: without constraints, and with them
-ipopt.py, oracle.py                    its end, exact steps, and what Ipopt asks
+ipopt.py, oracle.py, fixed_point.py    its end, exact steps, what Ipopt asks, and parameters that weights hang on
+solved.py                              what is asked of a solve, and what comes of it
 curvature.py, blocktridiagonal.py      covariances
 solution.py, readout.py, forces.py     the answer in the terms of the model
 """
 
 from .horizon import Horizon
-from .ipopt import Options, Solved, Solver, Status
+from .ipopt import Solver
 from .mesh import Mesh, mesh_over
 from .solution import Sampled, Solution
+from .solved import Options, Solved, Status
 from .transcription import ParameterPrior, Transcription, transcribe
 
 __all__ = [

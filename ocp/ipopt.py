@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,27 +14,12 @@ import scipy.sparse as sp
 
 from .constrained import descend_on_constraints, supported
 from .feasible import start_on_constraints
+from .fixed_point import FixedPoint
 from .gauss_newton import FINE, descend
 from .nlp import Nlp, Values
 from .oracle import Oracle, no_check
 from .polynomials import Array
-
-
-class Status(Enum):
-    """How a solve ended; the value is the sentence to show."""
-
-    SOLVED = "Solved to the tolerance asked for."
-    ACCEPTABLE = "Solved; the last digits are rounding."
-    ITERATIONS = "Stopped at the limit of iterations before convergence."
-    INFEASIBLE = "No point was found that satisfies the constraints."
-    NUMERICS = "Stopped by numerical trouble: the functions gave values that are not finite, or steps became too small."
-    INTERRUPTED = "Interrupted by the user."
-
-    @property
-    def converged(self) -> bool:
-        """Whether the result can be used."""
-        return self in (Status.SOLVED, Status.ACCEPTABLE)
-
+from .solved import Options, Solved, Status
 
 _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -49,46 +33,7 @@ _STATUS = {
 
 
 WORSE = 1e-6  # of the cost: what Ipopt's answer may cost more than that of plain steps
-SHORTEST_SECANT = 0.2  # of the step to the answer
 ON_BOUND = 1e-3  # units from a bound: what ends there ended on it
-DEARER = 10.0  # times the cost before: that was no step towards where both are the same
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solved:
-    """Decisions in the units of the model, cost, multipliers (of the scaled program) and how the solver fared.
-
-    on_bound: decisions that ended on one of their bounds, within a thousandth of their unit. by_steps: whether plain steps alone found it.
-    """
-
-    decisions: Array
-    cost: float
-    multipliers: Array
-    status: Status
-    iterations: int
-    seconds: float
-    on_bound: tuple[int, ...] = ()
-    by_steps: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Limits of a solve.
-
-    tolerance: on the optimality conditions of the scaled program, in which a step of one is about one deviation: 1e-6 leaves the
-    estimate within 1e-6 of its own deviation. gauss_newton_iterations, max_iterations: of the first and the second stage.
-    drift: relative change of a parameter that the terms refer to beyond which a solve goes on from where it
-    arrived, max_passes times at most. seconds: of plain steps, and of one call of Ipopt, which then end as at a limit of iterations.
-    hopeless: cost above which the second stage does not follow a first one that has not arrived.
-    """
-
-    tolerance: float = 1e-6
-    gauss_newton_iterations: int = 40
-    max_iterations: int = 300
-    drift: float = 0.02
-    max_passes: int = 6
-    seconds: float = 1e20
-    hopeless: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -96,7 +41,7 @@ class Solver:
     """One program made ready for Ipopt; it can be solved again and again with other numbers."""
 
     nlp: Nlp
-    options: Options = Options()
+    options: Options = field(default_factory=Options)
 
     def __getstate__(self) -> dict[str, Any]:
         """The program and the options; Ipopt is set up anew where it arrives."""
@@ -371,38 +316,3 @@ class Solver:
     def jacobian_of_rows(self, number: int, decisions: Array, values: Values) -> Array:
         """Derivative of term `number`'s values m (not scaled) in the local unknowns and parameters, (C, K m, local + np)."""
         return self.nlp.evaluated.derivative(number, values.scaled(decisions), values)
-
-
-class FixedPoint:
-    """Parameters p = G(p), G a solve with the terms referred to p: where the answers go to and fro, secant steps between them.
-
-    A step that leads to where the solve costs far more is taken back and made shorter. drift: relative change within which an answer is
-    where it was sought.
-    """
-
-    def __init__(self, drift: float) -> None:
-        self._drift, self._history = drift, list[tuple[Array, Array, float]]()
-
-    def reached(self, p: Array, answer: Array, cost: float) -> bool:
-        """Whether G(p) = answer, found at this cost, is p; if not, `next` has what to try."""
-        self._history.append((p, answer - p, cost))
-        return not np.any(np.abs(answer - p) > self._drift * np.abs(answer))
-
-    def dearer(self, cost: float) -> bool:
-        """Whether a solve costs far more than the last one that was reported."""
-        return bool(self._history) and cost > DEARER * max(self._history[-1][2], 1.0)
-
-    def back(self, p: Array) -> Array:
-        """What to try instead of p, from where the solve was dear."""
-        before = self._history[-1][0]
-        return np.asarray(before + SHORTEST_SECANT * (p - before))
-
-    def next(self) -> Array:
-        """Of each parameter the secant of the last two, no shorter than a fifth and no longer than the step from one to the answer."""
-        p, f, _ = self._history[-1]
-        if len(self._history) == 1:
-            return p + f
-        before, f_before, _ = self._history[-2]
-        turn = f_before - f
-        length = np.divide(p - before, turn, out=np.ones_like(f), where=turn * (p - before) > 0)
-        return np.asarray(p + np.clip(length, SHORTEST_SECANT, 1.0) * f)

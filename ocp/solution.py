@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from .curvature import Curvature, curvature, determined_variance
 from .forces import Forces
-from .ipopt import Solved, Solver
+from .ipopt import Solver
 from .linear import bridge_variance
 from .nlp import Values
 from .polynomials import Array
 from .readout import read
+from .solved import Solved
 from .transcription import Transcription
 
 

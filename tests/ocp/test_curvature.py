@@ -29,7 +29,7 @@ from backsight.estimation import Free, Weights
 from backsight.estimation.smoothing.program import Settings
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
 from backsight.ocp.curvature import Curvature, curvature, determined_variance
-from backsight.ocp.ipopt import Solved
+from backsight.ocp.solved import Solved
 
 MODELS = {"oscillator": compiled(oscillator()), "lagged": compiled(lagged()), "stiffening": compiled(stiffening())}
 VAGUE = 10.0

@@ -12,7 +12,7 @@ import pytest
 from examples import compiled, number, random_horizon, stiffening
 
 from backsight.ocp import Options, ParameterPrior, Solved, Solver, Status, transcribe
-from backsight.ocp.ipopt import FixedPoint
+from backsight.ocp.fixed_point import FixedPoint
 from backsight.ocp.nlp import Values
 from backsight.ocp.oracle import Oracle
 

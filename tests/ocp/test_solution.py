@@ -11,8 +11,8 @@ from examples import LAG, OFFSET, D, K, M, compiled, lagged, number, oscillator
 
 from backsight.models import Dae
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, transcribe
-from backsight.ocp.ipopt import Options
 from backsight.ocp.scaling import scaled
+from backsight.ocp.solved import Options
 
 OSCILLATOR, LAGGED = compiled(oscillator()), compiled(lagged())
 DENSE = {"spline": truths.splines, "collocation": truths.radau_collocation}

@@ -10,8 +10,8 @@ import truths
 from examples import COULOMB, HARDENING, LAG, OFFSET, WIDTH, D, K, M, compiled, lagged, number, random_horizon, stiffening
 
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, transcribe
-from backsight.ocp.ipopt import Options
 from backsight.ocp.scaling import scaled
+from backsight.ocp.solved import Options
 
 DAE = compiled(stiffening())
 PLANT = truths.Plant(m=M, d=D, k=K, offset=OFFSET, T=LAG)
