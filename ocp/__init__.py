@@ -9,7 +9,7 @@ nlp.py, evaluated.py                   the program, and its terms in numbers
 pointwise.py, lifting.py, blocks.py    derivatives at points, what a mesh makes of them, a term of both; columnwise.py carries them out
 follow.py, scaling.py, linear.py       where a solve starts, in which units, how fast its answer can move
 gauss_newton.py, constrained.py        solving it by plain steps: without constraints, and with them
-ipopt.py, oracle.py, fixed_point.py    its end, exact steps, what Ipopt asks, and parameters that weights hang on
+ipopt.py, oracle.py, fixed_point.py    its end, exact steps, what Ipopt asks, and what terms are referred to
 solved.py                              what is asked of a solve, and what comes of it
 curvature.py, blocktridiagonal.py      covariances
 solution.py, readout.py, forces.py     the answer in the terms of the model

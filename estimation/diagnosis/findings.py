@@ -40,7 +40,7 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
         for word, path in c.named.items():
             if (p := result.parameters.get(path)) is not None:
                 strengths[word] = Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
-    return Explanation(place=c.place, family=c.family, physics=c.physics, subject=c.subject, gap=gap, parameters=strengths)
+    return Explanation(place=c.place, family=c.family, physics=c.physics, subject=c.subject, given=c.stated, gap=gap, parameters=strengths)
 
 
 def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
@@ -175,7 +175,9 @@ def verdict(findings: Sequence[Finding]) -> Class:
         return "unknown_physics"
     if first.explanation.family == "parameter":
         return "parameter"  # what explains as much by more is no reason to doubt a number that was given
-    kinds = {CLASSES.get(family, "missing_physics") for family in (first.explanation.family, *(r.family for r in first.rivals))}
+    # what the study says is nothing was doubted before numbers of the model that nobody gave
+    rivals = (r for r in first.rivals if not first.explanation.given or r.family != "parameter" or r.given)
+    kinds = {CLASSES.get(one.family, "missing_physics") for one in (first.explanation, *rivals)}
     return kinds.pop() if len(kinds) == 1 else "undecided"
 
 

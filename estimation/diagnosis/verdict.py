@@ -44,13 +44,15 @@ def titled(place: str, physics: str, *subject: str) -> str:
 class Explanation:
     """One explanation of the mismatch: a member of the library at a place. gap: log evidence that it lacks against the one chosen.
 
-    subject: the parameters of the model that are said to be wrong, of which a component has several.
+    subject: the parameters of the model that are said to be wrong, of which a component has several. given: whether it says that a number
+    of the study itself is wrong, also one that is nothing.
     """
 
     place: str
     family: str
     physics: str
     subject: tuple[str, ...] = ()
+    given: bool = False
     gap: float = 0.0
     parameters: Mapping[str, Strength] = field(default_factory=dict)
 

@@ -18,6 +18,7 @@ from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.verdict import Explanation, Finding
 from backsight.estimation.results import ParameterEstimate, ResidualSummary
 from backsight.models.plants import PLANTS
 
@@ -55,6 +56,16 @@ def test_an_unknown_force_may_be_wherever_the_outputs_cannot_tell_it_from(place,
     assert {(r.place, r.physics) for r in found.rivals} == {(other, "unknown_physics") for other in others}
     assert found.separates == separates
     assert verdict([found]) == "unknown_physics"
+
+
+@pytest.mark.parametrize(
+    ("first", "other", "word"), [(True, False, "missing_physics"), (True, True, "undecided"), (False, False, "undecided")]
+)
+def test_a_number_of_the_model_does_not_stand_against_one_that_the_study_gives(first, other, word):
+    """An inertia that the study says is nothing, or that it does not name, and a mass of the model, or of the study, that moves with it."""
+    wrong = Explanation(place="slide", family="parameter", physics="wrong_parameter", subject=("slide.m",), given=other)
+    added = Explanation(place="wheel", family="inertia", physics="added_mass", given=first)
+    assert verdict([Finding(explanation=added, p_value=0.0, gain=50.0, change="", share=None, rivals=(wrong,))]) == word
 
 
 @pytest.mark.parametrize(("lacks", "told"), [(1.0, False), (40.0, True)])
