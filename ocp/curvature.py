@@ -30,11 +30,11 @@ the unknowns nor the weights of the constraints change e; a weight that is not t
 A sum of squares is known better than a difference of sums: what is grey, |e| < GREY, is told by its squares. Along z_v, how everything
 moves with a combination v of the border, it costs
 
-    F_vw = z_v' H z_w + (J z_v)' d^-1 (J z_w)
+    F_vw = z_v' H z_w + (J z_v)' d^-1 (J z_w) + l_v' J z_w + z_v' J' l_w
 
-in which what nearly exact balances and other samples take back is taken back before it is squared: an error in z_v counts by its square.
-F_vv may be off by ROUNDING of |z_v|' |H| |z_v| and, since z_v is off by rounding of what its parts move and v by that over the least e
-that is not grey, by the squares of these. What costs less is null.
+with l its multipliers in the border. What nearly exact balances and other samples take back is taken back before it is squared: an error in
+z_v counts by its square. F_vv may be off by ROUNDING of |z_v|' |H| |z_v|, and by the squares of ROUNDING of what adds up in J z_v, of what
+its parts move, and, in v, of that over the least e that is not grey. What costs less is null.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from .polynomials import Array
 Index = NDArray[np.int64]
 
 # Known null directions come out below 1e-15 in every unit, the least of what is determined near 4e-15 (a quadrotor that hovers, with
-# nearly exact balances) and commonly above 1e-6. By their squares null ones are below 1e-20.
+# nearly exact balances) and commonly above 1e-6.
 EPS = float(np.finfo(np.float64).eps)
 ROUNDING = 2.0**6 * EPS
 GREY = EPS**0.5
@@ -114,9 +114,10 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
     multipliers = (kept >= edge) & (kept < at.border - len(nlp.free))
     D = _units(S, np.abs(np.diag(matrix.corner)) + np.einsum("kb,kbi->i", weight, reach**2), multipliers)
     e, Q = np.linalg.eigh(S / np.outer(D, D))
-    lost = np.zeros(len(e), dtype=bool)
+    hidden = np.zeros(len(e))
     if np.any(np.abs(e) < GREY):
-        e, Q, lost = _told_by_squares(nlp, matrix, (hessian, jacobian, softness), D, e, Q)
+        e, Q, hidden = _told_by_squares(nlp, matrix, (hessian, jacobian, softness), D, e, Q)
+    lost = np.abs(e) < hidden
     Z, Q, e = Q[:, lost], Q[:, ~lost], e[~lost]
     held = np.count_nonzero(multipliers) - round(float(np.sum(Z[multipliers] ** 2)))
     definite = int(np.sum(e < 0)) == held and (jacobian.shape[0] > 0 or tree.negative_eigenvalues == 0)
@@ -136,26 +137,30 @@ def curvature(nlp: Nlp, hessian: sp.csc_matrix, jacobian: sp.csc_matrix, softnes
         log_determinant=tree.log_abs_determinant
         + float(np.sum(np.log(np.abs(e))) + 2.0 * np.sum(np.log(D)) - 2.0 * np.sum(np.log(size)) - np.sum(np.log(softness[softness != 0]))),
         null=np.concatenate([N[:edge], N[at.border - len(theta) :]]).T * first,
-        interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(ROUNDING),
+        interval_null=-(rows @ N) * scale[:, :, None] / np.sqrt(np.min(hidden[lost], initial=ROUNDING)),
         definite=definite,
     )
 
 
 def _told_by_squares(
     nlp: Nlp, matrix: Bordered, kkt: tuple[sp.csc_matrix, sp.csc_matrix, Array], D: Array, e: Array, Q: Array
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """e (nb,) and Q (nb, nb) with what is grey told by its squares, and which of it is null (nb,)."""
+) -> tuple[Array, Array, Array]:
+    """e (nb,) and Q (nb, nb) with what is grey told by its squares, and what each e may be off by (nb,), nothing where it is not grey."""
     hessian, jacobian, softness = kkt
-    H = hessian + sp.triu(hessian, 1).T
+    H, heavy = hessian + sp.triu(hessian, 1).T, softness != 0
     grey = np.abs(e) < GREY
-    moves = _moves(nlp, matrix, Q[:, grey] / D[:, None])
-    heavy = (jacobian @ moves)[softness != 0] / np.sqrt(softness[softness != 0])[:, None]
-    F = moves.T @ (H @ moves) + heavy.T @ heavy
+    V = Q[:, grey] / D[:, None]
+    z, rows = _moves(nlp, matrix, V), sp.csr_matrix(jacobian)
+    squared = sp.diags(softness[heavy] ** -0.5) @ rows[heavy]
+    first = np.flatnonzero((matrix.at.block[nlp.size :] < 0) & ~heavy)
+    crossed = (matrix.size[nlp.size + first, None] * V[matrix.place[nlp.size + first]]).T @ (rows[first] @ z)
+    F = z.T @ (H @ z) + (squared @ z).T @ (squared @ z) + crossed + crossed.T
     f, U = np.linalg.eigh((F + F.T) / 2)
-    turned, size = Q[:, grey] @ U, np.abs(moves @ U)
-    off = ROUNDING * np.sum(size * (abs(H) @ size), axis=0) + ROUNDING**2 * (np.sum(np.abs(turned), axis=0) ** 2 + 1.0 / GREY)
-    lost = np.concatenate([np.zeros(np.count_nonzero(~grey), dtype=bool), f < off])
-    return np.concatenate([e[~grey], f]), np.hstack([Q[:, ~grey], turned]), lost
+    turned, size = Q[:, grey] @ U, np.abs(z @ U)
+    parts = np.sum((abs(squared) @ size) ** 2, axis=0) + np.sum(np.abs(turned), axis=0) ** 2 + 1.0 / GREY
+    off = ROUNDING * np.sum(size * (abs(H) @ size), axis=0) + ROUNDING**2 * parts
+    hidden = np.concatenate([np.zeros(np.count_nonzero(~grey)), off])
+    return np.concatenate([e[~grey], f]), np.hstack([Q[:, ~grey], turned]), hidden
 
 
 def _moves(nlp: Nlp, matrix: Bordered, V: Array) -> Array:

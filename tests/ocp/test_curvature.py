@@ -7,6 +7,7 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import truths
 from examples import (
     OFFSET,
@@ -28,6 +29,7 @@ from linear_runs import ALL_FREE, STD, STEP, many, problem
 from backsight.estimation import Free, Weights
 from backsight.estimation.smoothing.program import Settings
 from backsight.ocp import Horizon, Mesh, ParameterPrior, Solution, Solver, Status, Transcription, transcribe
+from backsight.ocp.bordered import arrange
 from backsight.ocp.curvature import Curvature, curvature, determined_variance
 from backsight.ocp.solved import Solved
 
@@ -252,25 +254,58 @@ def exact(t: Transcription, solution: Solution) -> np.ndarray:
     return inverse[own, own] * np.outer(solution.values.unit[own], solution.values.unit[own])
 
 
-@pytest.mark.parametrize("uneven", [1e-4, 1e-6, 1e-7, 1e-8, 1e-9])
-def test_what_hardly_tells_two_forces_apart_still_does(uneven):
-    """Friction and a constant force, at a velocity that varies by so much: the square of that is their information."""
+def nearly_steady(uneven: float, *free: str) -> Solution:
+    """The oscillator at a velocity that varies by so much."""
     dae = MODELS["oscillator"]
     (horizon,) = even("oscillator", 1)
-    nothing = ParameterPrior(mean=np.zeros(2), std=np.full(2, np.inf))
-    t = transcribe(dae, [horizon], free=number(dae, "damper.d", "offset.f"), prior=nothing, force_std={0: 0.5}, degree=3)
+    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
+    t = transcribe(dae, [horizon], free=number(dae, *free), prior=nothing, force_std={0: 0.5}, degree=3)
     decisions = uneven * np.random.default_rng(1).normal(size=t.nlp.size)
     for place, there in ((0, horizon.mesh.knots), (1, np.ones(len(horizon.mesh.knots)))):
         decisions[t.nlp.index[place]] += there[:-1]
         decisions[t.nlp.index[-2 + place, -1]] += there[-1]
-    solution = at_a_point(t)
+    solution = at_a_point(t, tuple(0.0 for _ in free))
     values = replace(solution.values, unit=np.ones(t.nlp.size))
-    solution = replace(solution, solved=replace(solution.solved, decisions=decisions), values=values)
-    expected = exact(t, solution)
+    return replace(solution, solved=replace(solution.solved, decisions=decisions), values=values)
+
+
+@pytest.mark.parametrize("uneven", [1e-4, 1e-6, 1e-7, 1e-8, 1e-9])
+def test_what_hardly_tells_two_forces_apart_still_does(uneven):
+    """Friction and a constant force, at a velocity that varies by so much: the square of that is their information."""
+    solution = nearly_steady(uneven, "damper.d", "offset.f")
+    expected = exact(solution.transcription, solution)
     assert expected[0, 0] > 0.1 / uneven**2
     c = found(solution)
     assert not len(c.null)
     np.testing.assert_allclose(c.parameter_covariance, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("force_std", [1e-5, 1e-6, 1e-7, 1e-8])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("degree", [2, 3])
+@pytest.mark.parametrize("case", OPEN)
+def test_what_the_data_leave_open_is_so_where_balances_are_nearly_exact(case, degree, seed, force_std):
+    """What adds up in a balance is rounded, and the heavier that is the more its square."""
+    name, made, free, fixed, dimensions = OPEN[case]
+    dae = MODELS[name]
+    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
+    t = transcribe(dae, made(1), free=number(dae, *free), prior=nothing, force_std={0: force_std}, degree=degree)
+    solution = at_a_point(t, tuple(0.5 + np.arange(len(free))))
+    parameters = np.array([fixed.get(p.name, p.value) for p in dae.parameters])
+    unit = np.random.default_rng(seed).uniform(0.5, 2.0, t.nlp.size)
+    solution = replace(solution, values=replace(solution.values, parameters=parameters, unit=unit))
+    assert len(found(solution).null) == dimensions[0]
+    assert np.isinf(found(solution).parameter_variance).any() == (case != "a free position")
+
+
+@pytest.mark.parametrize("uneven", [1e-4, 1e-7, 1e-8])
+def test_what_is_open_is_so_beside_what_is_hardly_told(uneven):
+    """A rest length that no one can tell from the constant force, which is hardly told from the friction."""
+    solution = nearly_steady(uneven, "damper.d", "offset.f", "spring.s_rel0")
+    c = found(solution)
+    assert len(c.null) == 1
+    names = [solution.transcription.dae.parameters[i].name for i in solution.transcription.nlp.free]
+    assert [name for name, v in zip(names, c.parameter_variance, strict=True) if np.isinf(v)] == ["offset.f", "spring.s_rel0"]
 
 
 def coloured(kind: str, y: np.ndarray, offset_std: float) -> np.ndarray:
@@ -339,6 +374,27 @@ def test_outputs_and_states_that_the_data_show_keep_their_bands_where_another_st
     assert np.isfinite(np.delete(s.states_std, position, axis=1)).all()
     assert np.isfinite(s.outputs_std[:, 1]).all()
     assert np.isfinite(s.forces_std).all()
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-5, 1e-7])
+def test_what_must_hold_at_the_start_may_be_said_in_nearly_the_same_words_twice(apart):
+    """Of two conditions the second one said as the first and a little of itself: the same set, and multipliers that go to and fro."""
+    dae = compiled(pendulum())
+    nothing = ParameterPrior(mean=np.empty(0), std=np.empty(0))
+    t = transcribe(dae, [swung(dae, noise=1e-3)], free=(), prior=nothing, force_std={0: 0.5, 1: 0.5}, method="collocation")
+    solver, values = Solver(t.nlp), t.nlp.values(np.array([p.value for p in dae.parameters]))
+    anywhere = np.full(t.nlp.size, np.inf)
+    solved = solver.solve(near_the_swing(dae, t.nlp.index, t.nlp.size), values, lower=-anywhere, upper=anywhere)
+    H, J, d = solver.kkt(solved.decisions, values)
+    first, second = np.flatnonzero(arrange(t.nlp).block[t.nlp.size :] < 0)
+    said = sp.lil_matrix(sp.eye(J.shape[0]))
+    said[second, second], said[second, first] = apart, 1.0
+    plain, twice = (curvature(t.nlp, H, rows, d, values.unit, np.empty(0, dtype=np.int64)) for rows in (J, sp.csc_matrix(said @ J)))
+    assert twice.definite
+    assert not len(twice.null)
+    unit = np.sqrt(np.maximum(np.einsum("kii->ki", plain.interval_covariance), 1e-12))
+    scale = unit[:, :, None] * unit[:, None, :]
+    np.testing.assert_allclose(twice.interval_covariance / scale, plain.interval_covariance / scale, atol=1e-6)
 
 
 def test_an_index_three_model_with_invariants_has_the_dense_covariance():
