@@ -81,6 +81,7 @@ def fly(craft: Craft, pilot: Pilot, moves: np.ndarray, setting: Setting, effects
     actuation = Actuation(input_faults(effects, craft.inputs), np.full(4, base.hover))
     y, n = np.concatenate([np.zeros(3), [1.0], np.zeros(9)]), np.full(4, np.sqrt(base.m * G / 4))
     commands, acted, qs, vs, forces, clean = (np.empty((rows, k)) for k in (4, 4, 7, 6, 6, 6))
+    jumps = np.zeros_like(clean)
     for k in range(rows):
         R, omega = rotation(y[3:7]), y[10:]
         speed, euler = R.T @ y[7:10], angles(R)
@@ -93,15 +94,23 @@ def fly(craft: Craft, pilot: Pilot, moves: np.ndarray, setting: Setting, effects
             now = u((t + until) / 2)
             if piece == 0:
                 F, M = _total(craft, *craft.spun(n, now, 0.0), t, y, held[k], acting)
-                alpha = (M - np.cross(omega, craft.J * omega)) / craft.J
                 qs[k], vs[k], forces[k] = y[:7], np.concatenate([speed, omega]), np.concatenate([F, M])
-                clean[k], acted[k] = np.concatenate([craft.accelerometer(F, omega, alpha), omega]), u(t)
+                clean[k], acted[k] = _felt(craft, F, M, omega), u(t)
             if k + 1 < rows:
                 rates = motion(craft, n, now, t, held[k], acting)
                 y = advance(rates, t, y, until - t, max(1, int(np.ceil((until - t) / LONGEST_STEP - 1e-9))))
                 n = craft.spun(n, now, until - t)[0]
+        if k + 1 < rows:
+            jumps[k + 1] = -_felt(craft, *_total(craft, *craft.spun(n, now, 0.0), end, y, held[k], acting), y[10:])
         y[3:7] /= np.linalg.norm(y[3:7])
-    return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=forces, clean=clean, jumps=np.zeros_like(clean), sensors=sensors)
+    jumps[1:] += clean[1:]
+    return Trace(time=time, commands=commands, acted=acted, q=qs, v=vs, a=forces, clean=clean, jumps=jumps, sensors=sensors)
+
+
+def _felt(craft: Craft, F: np.ndarray, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Accelerometer and gyro (6,)."""
+    alpha = (M - np.cross(omega, craft.J * omega)) / craft.J
+    return np.concatenate([craft.accelerometer(F, omega, alpha), omega])
 
 
 def motion(craft: Craft, n: np.ndarray, u: np.ndarray, begin: float, held: np.ndarray, forces: list[Wrench]) -> Rates:

@@ -89,7 +89,7 @@ class Setting:
 class Trace:
     """time (n,), commands (n, inputs), what acted, q, v, a (n, coordinates), clean outputs (n, outputs) and the errors of the readings.
 
-    jumps (n, outputs): of the outputs where a row begins.
+    jumps (n, outputs): of the outputs where a row begins; what jumps between two rows, as at a late command, is not among them.
     """
 
     time: np.ndarray

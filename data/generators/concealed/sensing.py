@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 __all__ = ["SensorFault"]
 
 FINER = 8  # steps of the lag in a row
+SAME = 1e-9  # s: a time so little before a row is that row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +49,7 @@ class SensorFault:
         steps = np.cumsum(jump)
         if self.delay:
             when = np.maximum(time - self.delay, time[0])
-            y = CubicSpline(time, y - steps)(when) + steps[np.searchsorted(time, when, side="right") - 1]
+            y = CubicSpline(time, y - steps)(when) + steps[np.searchsorted(time, when + SAME, side="right") - 1]
         if self.tau:
             y = _lagging(time, CubicSpline(time, y - steps), steps, self.tau)
         out = self.gain * y + self.bias + self.rate * (time - max(self.onset, time[0]))

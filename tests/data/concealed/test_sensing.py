@@ -44,7 +44,7 @@ def test_before_its_onset_a_sensor_reads_what_is_there() -> None:
     assert read[-1] == pytest.approx(1.1 * CLEAN["y"][-1] + 0.1 * (TIME[-1] - 3.0))
 
 
-@pytest.mark.parametrize(("fault", "late"), [({"tau": 0.004}, 0.004), ({"delay": 0.003}, 0.003)])
+@pytest.mark.parametrize(("fault", "late"), [({"tau": 0.004}, 0.004), *(({"delay": late}, late) for late in (0.003, 0.004, 0.01))])
 def test_what_jumps_at_its_rows_is_late_from_there(fault: dict[str, float], late: float) -> None:
     """A staircase: it holds from row to row, and a lag follows every step by an exponential."""
     y = np.round(3.0 * np.sin(OMEGA * TIME))
@@ -54,5 +54,6 @@ def test_what_jumps_at_its_rows_is_late_from_there(fault: dict[str, float], late
         for k in range(len(y) - 1):
             expected[k + 1] = y[k] + (expected[k] - y[k]) * keep
     else:
-        expected = np.concatenate([[y[0]] * 2, y[:-2]])  # a row and a half earlier the step before holds
+        rows = int(np.ceil(late / 0.002 - 1e-6))  # the step before holds until its row
+        expected = np.concatenate([[y[0]] * rows, y[:-rows]])
     assert read == pytest.approx(expected, abs=1e-9)
