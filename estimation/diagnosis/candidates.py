@@ -181,7 +181,7 @@ class Candidate:
 
     @property
     def rank(self) -> int:
-        """Place of its family in the order of explanations; a number that the study gives is wrong first, also one that was nothing."""
+        """Place of its family in the order of explanations; a mass that the study says is nothing is a parameter of it that is wrong."""
         if self.stated:
             return 0
         return ORDER.index(self.family) if self.family in ORDER else len(ORDER)

@@ -20,12 +20,13 @@ from .offsets import PREFIX
 from .onsets import onset
 from .refit import Fitted
 from .score import Linearised
-from .screen import Screen, Screened
+from .screen import SURE, Screen, Screened
 from .separation import measurable, separating
 from .shares import Sizes
 from .verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
 
 AS_MUCH = 0.9  # of the gain of the best by its score: a fit that did not come to rest says nothing against what explains as much by its own
+FAR = 2.0  # times the gain of a score
 SENSORS = 3  # that are named of those that would tell where an unknown force acts
 
 Judged = tuple[Candidate, Screened | None, Fitted]
@@ -80,8 +81,9 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
 
 
 def _chance(found: Screen, s: Screened, f: Fitted) -> float:
-    """Of what its score says, or its fit where that gained more: far from the truth a straight line falls short."""
-    return found.chance.of(max(s.gain, f.gain) / s.inflation)
+    """Of its score; NaN where that says nothing against chance and the fit gained far more: there a straight line tells of neither."""
+    chance = found.chance.of(s.worth)
+    return math.nan if chance > SURE and f.gain > FAR * s.gain else chance
 
 
 def _left_open(best: Judged, other: Judged) -> bool:

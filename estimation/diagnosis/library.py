@@ -80,7 +80,9 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         owner = model.measured[name].variable.partition(".")[0]
         others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
         found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, span=spans.get(name), begin=begin)
-    return [_said(_absorbing(c, problem, values), problem) for c in found] + _fixed(problem, model, dae, solution.parameters, brought)
+    return [_said(_absorbing(c, problem, values), problem, model) for c in found] + _fixed(
+        problem, model, dae, solution.parameters, brought
+    )
 
 
 def _heard(horizons: Sequence[Horizon], output: int) -> float:
@@ -111,11 +113,13 @@ def _absorbing(c: Candidate, problem: Problem, there: dict[str, float]) -> Candi
     return c if own == c.absorbs else replace(c, absorbs=own)
 
 
-def _said(c: Candidate, problem: Problem) -> Candidate:
+def _said(c: Candidate, problem: Problem, model: Model) -> Candidate:
     """A mass that is added where the study says that there is none is a number of the study that is wrong."""
-    given = (problem.parameters.get(f"{c.place}.{word}") for word in MASSES)
-    nothing = any(not isinstance(value, Free) and value == 0.0 for value in given)
-    return replace(c, stated=True) if nothing and c.physics == "added_mass" and c.onset is None else c
+    if c.physics != "added_mass" or not c.edits or c.place not in model.components:
+        return c
+    word = c.strengths[0].rpartition(".")[2]
+    given = problem.parameters.get(own_name(model, f"{c.place}.{word}"))
+    return replace(c, stated=True) if not isinstance(given, Free) and given == 0.0 else c
 
 
 def _masses(model: Model, values: dict[str, float]) -> dict[str, float]:

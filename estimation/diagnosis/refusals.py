@@ -24,7 +24,7 @@ DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less m
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
 VISCOUS = ("d", "d_plus", "d_minus")
 ONE_WAY = ("f_plus", "f_minus", "tau_plus", "tau_minus")
-SLIDES = 0.01  # of a record: what slides in a direction for less is not known by that
+SLIDES = 0.01  # of all that a body slides: by less than that nothing is known of a direction
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
 
@@ -56,6 +56,8 @@ def why_not(c: Candidate, s: Screened | None, f: Fitted, beside: Beside) -> str:
         return "hardly other than the law that the model has"
     if creeping(c, f):
         return "only how a rounded sign creeps at rest"
+    if one_way(c, f):
+        return "of a direction in which the body hardly ever slides"
     if trifling(c, f, beside.accepted, before, sizes):
         return "one more law of a kind of which there are two, and it hardly helps"
     if misleading(c, f, sizes):
@@ -138,20 +140,25 @@ def refining(c: Candidate, s: Screened | None, f: Fitted, before: Smoothing, siz
 
 
 def creeping(c: Candidate, f: Fitted) -> bool:
-    """Whether it is friction of a body at rest: of a direction in which it hardly ever slides, or viscous and steeper than a rounded sign.
+    """Whether it is viscous friction steeper than the rounded sign that holds the body: more than the level of that over its width.
 
-    A body that moves so slowly rests: a sign that holds it has its level over its width, and what is steeper takes its place.
+    A body that moves so slowly rests; friction of a direction in which it never turns would be found so.
     """
     if c.family != "friction" or f.result is None or f.worth.solution is None:
         return False
-    solution, levels = f.worth.solution, [path for word, path in c.named.items() if word in ONE_WAY]
-    if levels and f.problem is not None:
-        slides = sliding(f.problem.posed, solution, followed_by(solution)).get(f"{levels[0].rpartition('.')[0]}.width")
-        return slides is not None and min(slides) < SLIDES
-    level = strengths_at_rest(solution).get(c.place, 0.0)
-    width = max(rounded_signs(solution).get(c.place, {}).values(), default=np.inf)
+    level = strengths_at_rest(f.worth.solution).get(c.place, 0.0)
+    width = max(rounded_signs(f.worth.solution).get(c.place, {}).values(), default=np.inf)
     viscous = [path for word, path in c.named.items() if word in VISCOUS and path in f.result.parameters]
     return level > 0 and any(f.result.parameters[path].value * width > level for path in viscous)
+
+
+def one_way(c: Candidate, f: Fitted) -> bool:
+    """Whether it is a friction level of either direction, of a body that slides in one of them alone, or nearly so."""
+    levels, solution = [path for word, path in c.named.items() if word in ONE_WAY], f.worth.solution
+    if not levels or f.problem is None or solution is None:
+        return False
+    slides = sliding(f.problem.posed, solution, followed_by(solution)).get(f"{levels[0].rpartition('.')[0]}.width")
+    return slides is not None and min(slides) < SLIDES * sum(slides)
 
 
 def trifling(c: Candidate, f: Fitted, accepted: Sequence[Candidate], before: Smoothing, sizes: Sizes) -> bool:

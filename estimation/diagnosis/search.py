@@ -196,7 +196,7 @@ class Search:
             return None
         problem, c = settled(posed[0], self.result), self.standing.accepted[k]
         found = self.fits.again(self._base, problem, f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}", least=least)
-        return None if found is None else self.standing.without(k, self.standing.at(problem, found, posed[1]))
+        return None if found is None else self.standing.taking_out(k, self.standing.at(problem, found, posed[1]))
 
     def _again(self, problem: Problem, what: str) -> Smoothing | None:
         return self.fits.again(self._base, problem, what)

@@ -89,7 +89,7 @@ class Standing:
         """What was accepted but for the k-th."""
         return (*self.accepted[:k], *self.accepted[k + 1 :])
 
-    def without(self, k: int, rest: Standing) -> Standing:
+    def taking_out(self, k: int, rest: Standing) -> Standing:
         """The k-th of what was accepted goes, and the model is the rest's."""
         gone = self.named[k]
         return replace(rest, findings=tuple(f for f in self.findings if f is not gone), accepted=self.others(k))

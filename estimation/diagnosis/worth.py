@@ -31,6 +31,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 PARTS, STRETCHES = 20, 5  # of a record, and of each of them, by which a gain's doubt is told
 LIMIT = 3.0  # times the median over the stretches with a rest
+STRENGTHS = ("N", "N.m")
 ALIKE = 0.05  # relative difference of widths and rooms that are the same
 
 
@@ -93,11 +94,12 @@ class Worth:
         return signs.get(place, {}), rooms.get(place, 0.0)
 
     def _unknown(self, signs: Collection[str]) -> set[str]:
-        """The free parameters of laws, by the widths of their signs."""
+        """The free strengths of laws, by the widths of their signs."""
         if self.solution is None:
             return set()
-        t, laws = self.solution.transcription, {name.rsplit(".", 1)[0] for name in signs}
-        return {name for i in t.nlp.free if (name := t.dae.parameters[i].name).rsplit(".", 1)[0] in laws}
+        t, laws = self.solution.transcription, {name.rpartition(".")[0] for name in signs}
+        free = [p for p in (t.dae.parameters[i] for i in t.nlp.free) if p.unit in STRENGTHS]
+        return {p.name for p in free if p.name.partition(" [")[0].rpartition(".")[0] in laws}
 
     @cached_property
     def _holding(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]:

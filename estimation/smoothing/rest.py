@@ -129,7 +129,7 @@ def rounding(velocity: Array, resting: bool = True) -> float:
 
 
 def sliding(problem: Problem, solution: Solution, followed: Followed) -> dict[str, tuple[float, float]]:
-    """Name of a law's width -> of all knots, the shares at which its body slides forwards and backwards: faster than NEAR widths."""
+    """Name of a law's width -> the shares of all knots at which its body slides forwards and backwards, faster than NEAR widths."""
     found = {}
     for law in friction_laws(problem):
         v = _velocity(problem, law, followed, solution.parameters) / solution.parameters[law.width]

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from concealed_axis import posed, run
+from screened import screened
 
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.findings import finding, nameless, verdict
+from backsight.estimation.diagnosis.chance import Chance
+from backsight.estimation.diagnosis.findings import _chance, finding, nameless, verdict
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.refit import Fitted, fitted
 from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import screen
+from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import looked_at
 from backsight.estimation.diagnosis.verdict import Explanation, Finding
@@ -66,6 +69,15 @@ def test_a_number_of_the_model_does_not_stand_against_one_that_the_study_gives(f
     wrong = Explanation(place="slide", family="parameter", physics="wrong_parameter", subject=("slide.m",), given=other)
     added = Explanation(place="wheel", family="inertia", physics="added_mass", given=first)
     assert verdict([Finding(explanation=added, p_value=0.0, gain=50.0, change="", share=None, rivals=(wrong,))]) == word
+
+
+@pytest.mark.parametrize(("score", "fit", "told"), [(40.0, 35.0, True), (40.0, 900.0, True), (3.0, 900.0, False), (3.0, 4.0, True)])
+def test_a_score_that_says_nothing_of_what_a_fit_gained_says_nothing_of_its_chance(score, fit, told):
+    s = screened("sensor:phi", "sensor_delay", score)
+    found = Screen(found=(s,), chance=Chance(looks=Counter({1: 100})), G=np.empty((0, 0)), plain=np.empty(0), columns=())
+    chance = _chance(found, s, Fitted(candidate=s.candidate, gain=fit))
+    assert (chance == found.chance.of(score)) is told
+    assert np.isnan(chance) != told
 
 
 @pytest.mark.parametrize(("lacks", "told"), [(1.0, False), (40.0, True)])

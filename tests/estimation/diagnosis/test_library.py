@@ -55,7 +55,7 @@ def test_a_parameter_is_a_suspect_while_it_is_fixed_and_not_nothing():
 def test_a_mass_that_the_study_says_is_nothing_is_doubted_before_numbers_of_the_model(axis, given, is_said):
     problem, _, found = axis
     problem = replace(problem, parameters={**problem.parameters, "carriage.m": given})
-    added, spring = (_said(next(c for c in found if c.physics == word), problem) for word in ("added_mass", "spring"))
+    added, spring = (_said(next(c for c in found if c.physics == word), problem, problem.model) for word in ("added_mass", "spring"))
     default = Candidate(place="screw", family="parameter", physics="wrong_parameter", strengths=("screw.k",))
     assert (added.plainness < default.plainness) is is_said
     assert spring.plainness > default.plainness

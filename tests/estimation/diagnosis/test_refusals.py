@@ -17,7 +17,7 @@ from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.places import bodies
 from backsight.estimation.diagnosis.refit import Fitted
 from backsight.estimation.diagnosis.refit import posed as having
-from backsight.estimation.diagnosis.refusals import Beside, creeping, misleading, refining, slight, stands_in, trifling, why_not
+from backsight.estimation.diagnosis.refusals import Beside, creeping, misleading, one_way, refining, slight, stands_in, trifling, why_not
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import FLOOR, Sizes
@@ -174,7 +174,8 @@ def test_friction_of_a_direction_in_which_nothing_slides_is_not_told(both_ways, 
     result = smooth(problem)
     fit = Fitted(candidate=c, problem=problem, model=model, result=result, worth=Worth(nats=0.0, solution=result.solution))
     assert result.parameters[f"{c.strengths[0].rpartition('.')[0]}.f_plus"].value == pytest.approx(20.0, abs=1.0)
-    assert creeping(c, fit) is is_it
+    assert one_way(c, fit) is is_it
+    assert not creeping(c, fit)
 
 
 def test_friction_that_yields_over_a_short_way_is_weighed_as_a_whole_beside_that_which_is_at_work(with_friction):
