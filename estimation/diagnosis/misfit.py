@@ -1,4 +1,4 @@
-"""How far outputs are off: what residual forces cannot take, since two sensors read one rigid motion, and say two things of it."""
+"""How far outputs are off: what residual forces do not take, since they have no room for it, or since two sensors read one rigid motion."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ OFF = 3.0  # times its noise, rms: an output that is further off contradicts ano
 NEARER = 0.5  # times as far off: then what was contradicted is explained
 
 
-def off(problem: Problem, result: Smoothing) -> float:
+def off(problem: Problem, result: Smoothing, *, contradicting: bool = False) -> float:
     """Rms of what an output is off over its noise, as the study has it or its samples show it beyond doubt; the largest one.
 
-    Of outputs that are recorded with more than the states tell apart, by the structure of their equations; 0 where there are none.
+    contradicting: of outputs that are recorded with more than the states tell apart, by the structure of their equations; 0 where there
+    are none.
     """
     dae, shown, found = problem.dae, shown_noise(problem), [0.0]
     for row, piece in zip(shown, problem.fitted, strict=True):
         read = [i for i, q in enumerate(dae.outputs) if q.name in piece.outputs]
-        if ca.sprank(ca.jacobian(dae.output[read], ca.vertcat(dae.x, dae.z, dae.w))) == len(read):
+        if contradicting and ca.sprank(ca.jacobian(dae.output[read], ca.vertcat(dae.x, dae.z, dae.w))) == len(read):
             continue
         for i in read:
             q = dae.outputs[i]

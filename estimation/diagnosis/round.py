@@ -276,9 +276,10 @@ class Round:
 
     def _contradicting(self, fits: list[Judged]) -> bool:
         """Whether outputs contradict each other beside the model as it is, and with each of the fits."""
-        if not self.sizes.off > OFF:
+        if not self.sizes.contradicting > OFF:
             return False
-        return all(off(f.problem, f.result) > NEARER * self.sizes.off for _, _, f in fits if f.problem is not None and f.result is not None)
+        fitted = [(f.problem, f.result) for _, _, f in fits if f.problem is not None and f.result is not None]
+        return all(off(*one, contradicting=True) > NEARER * self.sizes.contradicting for one in fitted)
 
     def _left_near(self, place: str, most: float) -> float:
         """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""

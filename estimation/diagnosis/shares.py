@@ -33,14 +33,17 @@ BEYOND = 3.0  # times the forces at a place: an effect of that size would be nee
 
 
 class Sizes:
-    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them; how far outputs are off."""
+    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them.
+
+    off: how far outputs are off; contradicting: of these, those that the states cannot tell apart (`misfit.py`).
+    """
 
     def __init__(self, problem: Problem, result: Smoothing, base: Linearised) -> None:
         """base: of the result's solution."""
         self.base, self.solution, self.result = base, base.solution, result
         self.forces, self.varying = (_forces(problem, self.solution, varying=only) for only in (False, True))
         self.names = list(self.forces)
-        self.left, self.off = _left(result, self.forces), off(problem, result)
+        self.left, self.off, self.contradicting = _left(result, self.forces), off(problem, result), off(problem, result, contradicting=True)
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""
@@ -83,7 +86,7 @@ class Sizes:
 def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:
     """Whether a model that has one more effect leaves more over at the worst place than the model did without it, and as much as matters.
 
-    Not where outputs contradicted each other and no longer do: what they were off is known as forces then. result: with its solution.
+    Not where outputs were off and no longer are: what residual forces had no room for is known as forces then. result: with its solution.
     """
     if result.solution is None or (before.off > OFF and off(problem, result) < NEARER * before.off):
         return False

@@ -132,7 +132,7 @@ def test_a_scale_that_is_late_beside_a_rigid_belt_is_no_soft_one():
 
 def test_what_outputs_are_off_beside_their_noise_tells_that_they_contradict_each_other():
     soft, stiff = (posed_rigid(recorded(0.0, 1, "fit", k=k)) for k in (K, 1e8))
-    contradicting, agreeing = (off(p, smooth(p, settings=QUICKLY)) for p in (soft, stiff))
+    contradicting, agreeing = (off(p, smooth(p, settings=QUICKLY), contradicting=True) for p in (soft, stiff))
     assert contradicting > 2 * OFF
     assert agreeing < 1.5
 
@@ -142,14 +142,15 @@ def test_an_output_alone_contradicts_nothing_however_far_off_it_is():
     tight = axis(run(1.0, 2e-3, f_c=20.0), W={"carriage": 1e-3})
     result = smooth(tight, settings=QUICKLY)
     assert result.fit["axis"]["x"].rms > 3 * OFF * NOISE
-    assert off(tight, result) == 0.0
+    assert off(tight, result, contradicting=True) == 0.0
+    assert off(tight, result) > OFF
 
 
 def test_an_output_that_is_noisier_than_its_sensor_is_declared_contradicts_nothing():
     problem = posed_rigid(recorded(0.0, 1, "fit", k=1e8))
     fine = replace(problem.model, outputs={"phi": "encoder.phi", "s": Output("scale.s", noise_std=1e-7)})
     problem = replace(problem, model=fine)
-    assert off(problem, smooth(problem, settings=QUICKLY)) < 1.5
+    assert off(problem, smooth(problem, settings=QUICKLY), contradicting=True) < 1.5
 
 
 DEGREES = 180.0 / np.pi

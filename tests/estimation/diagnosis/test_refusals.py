@@ -10,7 +10,7 @@ import pytest
 from concealed_axis import posed, run
 from screened import screened
 
-from backsight.estimation import Free, Recording, Smoothing, smooth
+from backsight.estimation import Free, Recording, Smoothing, Weights, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Signal, Since
 from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.library import library
@@ -55,6 +55,23 @@ def test_a_fault_of_an_input_or_a_coupling_with_which_more_is_left_over_explains
     (c, better, small), (_, worse, large) = fits
     assert misleading(c, worse, small) is (family == "actuator" or dear)
     assert misleading(c, better, large) is False
+
+
+def test_forces_that_had_no_room_are_known_by_a_fault_with_which_outputs_are_not_off():
+    """An input that is 60 N too large, at a W that has no room for that: with its offset known the force at the axis is what there is."""
+    made = run(1.0, 2e-3, f_c=20.0)
+    problem = posed(made, W={"carriage": 1e-4})
+    shifted = replace(problem, recordings=[replace(r, inputs={"F": 60.0 + r.inputs["F"]}) for r in problem.recordings])
+    before = smooth(shifted)
+    candidate = Candidate(place="input:F", family="actuator", physics="input_offset")
+    sizes = Sizes(shifted, before, Linearised(before.solution))
+    known = replace(shifted, parameters={**shifted.parameters, "offset.f": 60.0}, weights=Weights(W={"carriage": 1.0}))
+    after = smooth(known)
+    assert sizes.off > 3.0
+    fitted = Fitted(candidate=candidate, problem=known, result=after, worth=Worth(nats=0.0, solution=after.solution))
+    assert not misleading(candidate, fitted, sizes)
+    sizes.off = 0.0
+    assert misleading(candidate, fitted, sizes)
 
 
 @pytest.mark.parametrize(("gap", "is_nothing"), [(5e-5, True), (0.01, False)])
