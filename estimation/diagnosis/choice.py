@@ -65,7 +65,7 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
             best.append(s)
             places[there] += 1
     best += [s for s in sorted(worth, key=lambda s: -s.worth)[:SURELY] if s not in best]
-    best += _late_elsewhere(best, found, WORTH_ELSEWHERE * most)
+    best += _late_elsewhere(best, found, most)
     for s in tuple(best):
         simple = simplest_beside(s, likely)
         if simple is not None and simple not in best:
@@ -73,13 +73,14 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
     return best
 
 
-def _late_elsewhere(best: Sequence[Screened], found: Screen, least: float) -> list[Screened]:
-    """Where something is late, the best of what may be late instead on the other side of the machine, an input or a sensor.
+def _late_elsewhere(best: Sequence[Screened], found: Screen, most: float) -> list[Screened]:
+    """Where what is late gains most, the best of what may be late instead on the other side of the machine, an input or a sensor.
 
     Whatever else gains as much: of what is late by a good part of the motion a straight line says next to nothing.
     """
-    sides = {s.candidate.family for s in best if s.candidate.physics in LATE}
-    others = (s for s in found.found if s.candidate.physics in LATE and s.candidate.family not in sides and s.gain >= least)
+    late, least = [s for s in found.found if s.candidate.physics in LATE], WORTH_ELSEWHERE * most
+    sides = {s.candidate.family for s in best if s in late and s.gain >= WORTH * most}
+    others = (s for s in late if s not in best and s.candidate.family not in sides and s.gain >= least)
     return [s] if sides and (s := next(others, None)) is not None else []
 
 
