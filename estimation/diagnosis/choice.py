@@ -273,20 +273,24 @@ def _nothing(c: Candidate) -> dict[str, float]:
 def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Explanation:
     """Coulomb friction where a richer law has come to be that.
 
-    Of the mean level, where that hardly hangs on the direction, by less than matters beside the forces there; of the level c, where it does
-    not grow with the velocity's logarithm.
+    Of the mean level, where it is not sure that this hangs on the direction by as much as matters beside the forces there; of the level c,
+    where it does not grow with the velocity's logarithm.
     """
     growth, level = (e.parameters.get(word) for word in ("b", "c"))
     if e.physics == "logarithmic_friction" and level is not None and growth is not None and growth.std is None and growth.value <= NOTHING:
         return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})
     for word, plus, minus in (("f_c", "f_plus", "f_minus"), ("tau_c", "tau_plus", "tau_minus")):
         both = [e.parameters[n] for n in (plus, minus) if n in e.parameters]
-        if len(both) < 2 or abs(both[0].value - both[1].value) / 2 >= FLOOR * force:
+        if len(both) < 2:
             continue
-        std = None
+        apart, std = abs(both[0].value - both[1].value) / 2, None
         if both[0].std is not None and both[1].std is not None:
             r = float(result.correlation.loc[[c.named[plus]], [c.named[minus]]].to_numpy(float)[0, 0])
-            std = float(np.sqrt(both[0].std ** 2 + both[1].std ** 2 + 2 * r * both[0].std * both[1].std)) / 2
+            squares, product = both[0].std ** 2 + both[1].std ** 2, 2 * r * both[0].std * both[1].std
+            std = float(np.sqrt(squares + product)) / 2
+            apart -= DOUBTS * float(np.sqrt(max(squares - product, 0.0))) / 2
+        if apart >= FLOOR * force:
+            continue
         level = Strength(value=(both[0].value + both[1].value) / 2, std=std, unit=both[0].unit)
         return replace(e, physics="coulomb_friction", parameters={word: level})
     return e
