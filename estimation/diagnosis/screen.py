@@ -36,7 +36,6 @@ LEFT = 1e-8  # of a strength's squares, once trajectory and parameters are proje
 SURE = 0.05  # chance of as much anywhere in the library if nothing is missing, at most
 UNTOLD = 1e-3  # of a strength's square: with that much that nobody tells it has no deviation
 BATCH = 128  # columns at a time
-GAINS = ("sensor_gain", "input_gain")
 SCALES = 1e-4  # of what a parameter does that is no scale of residual forces: less is none
 CLOSE = 40  # candidates, best first, whose effects are compared with each other
 PLAINLY, PART = 10.0, 0.02  # nats, and share of its gain, by which an effect has to gain more by setting in
@@ -100,13 +99,10 @@ class Screen:
 def screen(
     base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0, draws: int = DRAWS, threads: int = 1
 ) -> Screen:
-    """Scores of all looks, but of those that only scale what is left over. late: of what sets in; seed, draws: of chances."""
-    kept = told(base, looks)
-    scaling = {id(look) for look in looks} - {id(look) for look in kept}
-    later = (look for look in late if id(look.whole) not in scaling)
+    """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed, draws: of chances."""
     best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
     shapes, most = dict[int, list[Screened]](), np.zeros(draws)
-    for scored in in_order(_scored(base, chain(kept, later), seed, draws), threads):
+    for scored in in_order(_scored(base, chain(told(base, looks), late), seed, draws), threads):
         for found, gained in scored:
             look = found.look
             if look.whole is None:
@@ -154,13 +150,12 @@ def _batch(batch: Sequence[Look], there: Linearised, joined: Columns, drawn: Dra
 
 
 def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
-    """The looks without those at parameters and gains that do nothing but scale residual forces, when all others make up for them.
+    """The looks without those at parameters that do nothing but scale residual forces, when all others make up for them.
 
     The mass of a body of which only the acceleration is read is one: with half of it, and half of all forces, every row is as before but
-    those of the residual forces, which are halved. That gains whatever these cost, and tells nothing. So is the gain of the only sensor of
-    a body whose mass, damping and stiffness are free.
+    those of the residual forces, which are halved. That gains whatever these cost, and tells nothing.
     """
-    given = [look for look in looks if look.candidate.family == "parameter" or look.candidate.physics in GAINS]
+    given = [look for look in looks if look.candidate.family == "parameter"]
     if not given or not len(own := base.residual_forces):
         return list(looks)
     scores, first, scaling = base.scores(Columns.joined([*(look.columns for look in given), own])), 0, set[int]()

@@ -6,12 +6,11 @@ import numpy as np
 
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.onsets import late
 from backsight.estimation.diagnosis.score import Columns, Linearised
 from backsight.estimation.diagnosis.screen import screen, told
 from backsight.estimation.diagnosis.supermodel import looked_at
 from backsight.models import Model
-from backsight.models.mechanics.translational import AccelerationSensor, Fixed, Force, Friction, Mass, PositionSensor, SpringDamper
+from backsight.models.mechanics.translational import AccelerationSensor, Force, Friction, Mass
 from backsight.models.signals import Gain, Lag
 
 M, GAIN, D, TAU = 2.0, 6.0, 3.0, 0.05
@@ -79,42 +78,3 @@ def test_a_mass_that_only_scales_residual_forces_is_no_suspect_however_much_it_w
 def test_with_a_force_of_known_size_the_mass_can_be_told_and_is_one():
     base, looks, mass = suspects(GAIN)
     assert mass in told(base, looks)
-
-
-def test_the_gain_of_a_sensor_alone_is_no_suspect_where_mass_damping_and_stiffness_are_free():
-    """An oscillator with a strong force that nobody knows: reading more of its motion would gain what that costs, at once or later."""
-    rng, h = np.random.default_rng(3), 0.002
-    t = h * np.arange(1500)
-    F, s, v, y = 20.0 * np.sin(2 * np.pi * 3 * t) + 20.0 * np.sin(2 * np.pi * 7.3 * t), 0.0, 0.0, np.zeros(len(t))
-    for k in range(len(t)):
-        y[k] = s
-        unknown = 60.0 * rng.standard_normal()
-        for _ in range(20):
-            v += (F[k] + unknown - 30.0 * v - 3e3 * s) / M * h / 20
-            s += v * h / 20
-    record = Recording(
-        name="shaken", time=t, inputs={"F": F}, outputs={"y": y + 1e-5 * rng.standard_normal(len(t))}, output_std={"y": 1e-5}
-    )
-    model = Model(
-        name="oscillator",
-        components={"force": Force(), "mass": Mass(m=M), "spring": SpringDamper(k=1.0, d=1.0), "wall": Fixed(), "sensor": PositionSensor()},
-        connections=(
-            ("force.flange", "mass.flange"),
-            ("mass.flange", "spring.flange_a"),
-            ("spring.flange_b", "wall.flange"),
-            ("mass.flange", "sensor.flange"),
-        ),
-        inputs={"F": "force.f"},
-        outputs={"y": "sensor.s"},
-    )
-    guesses = {"mass.m": Free(1.5, min=0.01), "spring.d": Free(20.0, min=0.0), "spring.k": Free(2.5e3, min=1.0)}
-    problem = Problem(model=model, recordings=[record], parameters=guesses, weights=Weights(W={"mass": 60.0 * h**0.5}))
-    result = smooth(problem)
-    assert result.solver.converged
-    base = Linearised(result.solution)
-    gains = [c for c in library(problem, problem.model, base.solution) if c.physics == "sensor_gain"]
-    looks = looked_at(problem, problem.model, base, gains)
-    (look,) = looks
-    alone = base.scores(look.columns)
-    assert alone.b[0] ** 2 / alone.G[0, 0] > 200
-    assert not screen(base, looks, late(base, looks)).found
