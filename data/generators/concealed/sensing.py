@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 __all__ = ["SensorFault"]
 
 FINER = 8  # steps of the lag in a row
-SAME = 1e-9  # s: a time so little before a row is that row
+SAME = 1e-9  # s: a time so little beside a row is that row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class SensorFault:
 
 
 def _lagging(time: np.ndarray, smooth: CubicSpline, steps: np.ndarray, tau: float) -> np.ndarray:
-    """x of tau x' = y - x, from x = y; y = smooth + steps (n,), and linear between FINER points in each row."""
+    """x of tau x' = y - x, from x = y; y = smooth + steps (n,), linear between FINER points in each row. It is read once y has jumped."""
     fine = np.interp(np.arange((time.size - 1) * FINER + 1) / FINER, np.arange(time.size), time)
     u, held, x = smooth(fine), np.repeat(steps[:-1], FINER), np.empty(fine.size)
     x[0] = u[0] + steps[0]
@@ -67,4 +67,6 @@ def _lagging(time: np.ndarray, smooth: CubicSpline, steps: np.ndarray, tau: floa
         begin, end = u[k] + held[k], u[k + 1] + held[k]
         slope = (end - begin) / h
         x[k + 1] = end - tau * slope + np.exp(-h / tau) * (x[k] - begin + tau * slope)
-    return x[::FINER]
+    before = x[::FINER]
+    read: np.ndarray = before + (1.0 - np.exp(-SAME / tau)) * (smooth(time) + steps - before)
+    return read
