@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -33,17 +34,24 @@ BEYOND = 3.0  # times the forces at a place: an effect of that size would be nee
 
 
 class Sizes:
-    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them.
-
-    off: how far outputs are off; contradicting: of these, those that the states cannot tell apart (`misfit.py`).
-    """
+    """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them; how far outputs are off."""
 
     def __init__(self, problem: Problem, result: Smoothing, base: Linearised) -> None:
         """base: of the result's solution."""
         self.base, self.solution, self.result = base, base.solution, result
         self.forces, self.varying = (_forces(problem, self.solution, varying=only) for only in (False, True))
         self.names = list(self.forces)
-        self.left, self.off, self.contradicting = _left(result, self.forces), off(problem, result), off(problem, result, contradicting=True)
+        self.left, self._problem = _left(result, self.forces), problem
+
+    @cached_property
+    def off(self) -> float:
+        """How far outputs are off (`misfit.py`)."""
+        return off(self._problem, self.result)
+
+    @cached_property
+    def contradicting(self) -> float:
+        """How far those are off that the states cannot tell apart."""
+        return off(self._problem, self.result, contradicting=True)
 
     def shares(self, look: Look, estimate: Array) -> dict[str, float]:
         """Place -> rms force of a candidate at these strengths over that of the forces there but for their means, away from rest."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from decimal import Decimal, localcontext
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -190,6 +191,19 @@ def test_what_the_data_leave_open_is_named_and_all_else_has_the_variance_of_the_
         np.testing.assert_allclose(variance[~is_open[here]], expected[here][~is_open[here]], rtol=1e-3, atol=1e-8 * size_here)
 
 
+def left_open(
+    case: str, *, horizons: int = 1, force_std: dict[int, float], method: Literal["spline", "collocation"] = "spline", degree: int
+) -> Solution:
+    """A case of `OPEN` at a point."""
+    name, made, free, fixed, _ = OPEN[case]
+    dae = MODELS[name]
+    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
+    t = transcribe(dae, made(horizons), free=number(dae, *free), prior=nothing, force_std=force_std, method=method, degree=degree)
+    solution = at_a_point(t, tuple(0.5 + np.arange(len(free))))
+    parameters = np.array([fixed.get(p.name, p.value) for p in dae.parameters])
+    return replace(solution, values=replace(solution.values, parameters=parameters))
+
+
 def in_units(solution: Solution, decades: float) -> Curvature:
     """The curvature at the same point, computed in units that differ by so many decades to either side."""
     unit = 10 ** np.random.default_rng(8).uniform(-decades, decades, solution.values.unit.size)
@@ -217,20 +231,15 @@ def test_what_is_determined_is_so_in_all_units(name, method, degree, soft):
 @pytest.mark.parametrize("case", OPEN)
 def test_what_the_data_leave_open_is_found_in_all_units(case, horizons, soft, method, degree):
     """Free directions are counted by hand (`OPEN`), and the parameters that move along one are known with them."""
-    name, made, free, fixed, dimensions = OPEN[case]
-    dae = MODELS[name]
-    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
-    force_std = {0: 0.5} if soft else {}
-    t = transcribe(dae, made(horizons), free=number(dae, *free), prior=nothing, force_std=force_std, method=method, degree=degree)
-    solution = at_a_point(t, tuple(0.5 + np.arange(len(free))))
-    parameters = np.array([fixed.get(p.name, p.value) for p in dae.parameters])
-    solution = replace(solution, values=replace(solution.values, parameters=parameters))
+    free, dimensions = OPEN[case][2], OPEN[case][4]
+    solution = left_open(case, horizons=horizons, force_std={0: 0.5} if soft else {}, method=method, degree=degree)
+    t = solution.transcription
     are_open = [(p != "damper.d" and case == "two forces of which only the sum acts") or p == "spring.s_rel0" for p in free]
     determined = []
     for decades in (0, 4, 6):
         c = in_units(solution, decades)
         assert len(c.null) == dimensions[horizons - 1]
-        names = [dae.parameters[i].name for i in t.nlp.free]
+        names = [t.dae.parameters[i].name for i in t.nlp.free]
         np.testing.assert_array_equal(np.isinf(c.parameter_variance), [are_open[free.index(p)] for p in names])
         determined.append(c.parameter_variance[np.isfinite(c.parameter_variance)])
     np.testing.assert_allclose(determined[1:], [determined[0]] * 2, rtol=1e-6)
@@ -286,15 +295,10 @@ def test_what_hardly_tells_two_forces_apart_still_does(uneven):
 @pytest.mark.parametrize("case", OPEN)
 def test_what_the_data_leave_open_is_so_where_balances_are_nearly_exact(case, degree, seed, force_std):
     """What adds up in a balance is rounded, and the heavier that is the more its square."""
-    name, made, free, fixed, dimensions = OPEN[case]
-    dae = MODELS[name]
-    nothing = ParameterPrior(mean=np.zeros(len(free)), std=np.full(len(free), np.inf))
-    t = transcribe(dae, made(1), free=number(dae, *free), prior=nothing, force_std={0: force_std}, degree=degree)
-    solution = at_a_point(t, tuple(0.5 + np.arange(len(free))))
-    parameters = np.array([fixed.get(p.name, p.value) for p in dae.parameters])
-    unit = np.random.default_rng(seed).uniform(0.5, 2.0, t.nlp.size)
-    solution = replace(solution, values=replace(solution.values, parameters=parameters, unit=unit))
-    assert len(found(solution).null) == dimensions[0]
+    solution = left_open(case, force_std={0: force_std}, degree=degree)
+    unit = np.random.default_rng(seed).uniform(0.5, 2.0, solution.transcription.nlp.size)
+    solution = replace(solution, values=replace(solution.values, unit=unit))
+    assert len(found(solution).null) == OPEN[case][4][0]
     assert np.isinf(found(solution).parameter_variance).any() == (case != "a free position")
 
 

@@ -80,11 +80,8 @@ def test_little_gained_at_held_weights_is_sought_again_with_those_of_the_data(ga
     fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
     search = Search(standing=Standing(problem=bare, model=bare.model, result=smoothing(bare, settings=HELD)), fits=fits, settings=HELD)
     problem, model = having(bare, bare.model, friction, {})
-    result, one = smoothing(problem, settings=HELD), (found(friction, gain),)
-    search.before, search.standing = (
-        search.standing,
-        Standing(problem=problem, model=model, result=result, findings=one, accepted=(friction,)),
-    )
+    search.before, result = search.standing, smoothing(problem, settings=HELD)
+    search.standing = Standing(problem=problem, model=model, result=result, findings=(found(friction, gain),), accepted=(friction,))
     assert search._weighed()
     assert search.settings.weigh
     assert ("coulomb_friction_carriage" in search.standing.model.components) is stays
