@@ -154,7 +154,7 @@ class Candidate:
     those that lead a fit astray while the others are far off: free when it is kept. rounded: parameter -> that of which it is a share, and
     the share, by what that was found to be when it is kept. beside: parameter of the base model -> factor of it where a fit starts, so that
     both together are what it was alone; if it is free. stated: a number that the study itself gives, doubted before one of the model; also
-    a mass that it says is nothing.
+    a mass that it says is nothing. grows: of what is looked at as a signal, parameters that the score is a factor on, the strength first.
     """
 
     place: str
@@ -178,6 +178,7 @@ class Candidate:
     rounded: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     beside: Mapping[str, float] = field(default_factory=dict)
     stated: bool = False
+    grows: tuple[str, ...] = ()
 
     @property
     def rank(self) -> int:

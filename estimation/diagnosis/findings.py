@@ -97,10 +97,10 @@ def _left_open(best: Judged, other: Judged) -> bool:
 def fitted_strengths(c: Candidate, result: Smoothing) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """What a fit made of a candidate's strengths, less what they are without it; of one with a phase those of its sine and cosine.
 
-    What is looked at as a signal is there as a whole: one.
+    What is looked at as a signal is there as a whole: one; or as much as it has grown.
     """
     if c.signals:
-        return np.ones(1)
+        return np.array([result.parameters[n].value for n in c.grows[:1]] or [1.0])
     strengths = np.array([result.parameters[n].value - c.neutral(n) for n in c.strengths])
     if c.quadrature:
         phase = result.parameters[c.quadrature].value
@@ -115,7 +115,7 @@ def _separates(base: Linearised, best: Judged, near: Sequence[Screened | None]) 
     if s is None or f.result is None or len(rivals) < len(near):
         return ""
     states = measurable(base.solution.transcription.dae)
-    return separating(base, s, rivals, states, None if c.signals else fitted_strengths(c, f.result))
+    return separating(base, s, rivals, states, None if c.signals and not c.grows else fitted_strengths(c, f.result))
 
 
 def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Finding:

@@ -52,7 +52,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         if motion is not None:
             found += [of_law(law, model, spot, motion, brought) for law in AGAINST_GROUND if law.there(spot.kind, motion)]
             found += of_loads(model, spot, motion, motions.size)
-            found += of_presliding(model, spot, motion, values) if spot.name in places else []
+            found += of_presliding(model, spot, motion, values, seen=motions.seen(spot)) if spot.name in places else []
     masses = _masses(model, values)
     for spot in elements(model):
         motion = motions.of(spot)
@@ -227,8 +227,12 @@ class _Motions:
         if not rms > 0:
             return None
         fine = self._fine(spot.name, position) if len(spot.flanges) == 1 and position is not None else ()
-        sharp = self._width(velocity) or rounding(moved, resting=spot.name not in self._unseen)
+        sharp = self._width(velocity) or rounding(moved, resting=self.seen(spot))
         return Motion(v_rms=rms, low=float(where.min()), high=float(where.max()), fine=fine, sharp=sharp)
+
+    def seen(self, spot: Spot) -> bool:
+        """Whether an output shows how a body moves."""
+        return spot.name not in self._unseen
 
     def size(self, name: str) -> float:
         """Rms of a variable of the model along the trajectories; 0 where it has none of that name."""

@@ -5,12 +5,17 @@ The friction level F that a model has at a body becomes the most that bent asper
     F zeta,    zeta' = (v - |v| zeta)/delta,    delta = F/sigma_0
 
 Over a way |ds| of one direction, zeta -> s + (zeta - s) exp(-|ds|/delta), s = sgn v. So along the motion as it was smoothed the force is
-known at every delta, and the score is that of what it has more than F sgn(v). A model without friction has to be given some first.
+known at every delta, and the score is that of what it has more than F sgn(v). Where a body has no friction F is what the score tells, and
+only ways are looked at that are no sharp corner of F sgn(v): joints and mounts that never slide all the way, whose force is a loop over
+the position.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import chain
 from math import inf
 
 import numpy as np
@@ -21,11 +26,14 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Insert, Signal
 from .laws import Motion, flange_of
-from .places import Spot, at_hand, free_name, lent, own_name
+from .places import RATES, Spot, at_hand, free_name, lent, own_name
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Carried = Callable[[Array, Array], Array]
 
 WAYS = tuple(float(w) for w in np.geomspace(1e-4, 3e-2, 8))  # of the span of the positions: delta
+LONG_WAYS = tuple(float(w) for w in np.geomspace(1e-2, 1.0, 7))  # where there is no friction yet
+LEVELS, UNITS = ("f_c", "tau_c", "f_plus", "f_minus", "tau_plus", "tau_minus", "c"), ("N", "N.m")
 FINE = 4  # parts of a row in which the velocity keeps its direction
 
 
@@ -47,43 +55,63 @@ def bristles(time: Array, velocity: Array, *, level: float, delta: float, width:
     return np.asarray(level * np.mean(np.tanh(v / width) - zeta.reshape(v.shape), axis=1))
 
 
-def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, float]) -> list[Candidate]:
-    """The candidate at a body that has a friction level. values: of the model's parameters."""
-    slides = spot.kind == "translational"
-    word, rate = ("f_c", "v") if slides else ("tau_c", "omega")
-    found = [path for path in at_hand(model, spot, (word,)).get(word, ()) if _alone(model, path) and not lent(model, path)]
-    levels = [path for path in found if values.get(own_name(model, path), 0.0) > 0]
-    if len(levels) != 1 or not motion.span > 0:
+def carried(time: Array, velocity: Array, *, delta: float) -> Array:
+    """Mean force over every row that bent asperities push with where F is one, positive along v; arguments as of `bristles`."""
+    return bristles(time, velocity, level=1.0, delta=delta, width=inf)
+
+
+def of_presliding(model: Model, spot: Spot, motion: Motion, values: dict[str, float], *, seen: bool) -> list[Candidate]:
+    """The candidate at a body with one friction level, or with none. values: of all parameters; seen: whether an output shows it."""
+    word = "f_c" if spot.kind == "translational" else "tau_c"
+    there = at_hand(model, spot, LEVELS)
+    levels = {path: level for path in chain(*there.values()) if (level := _level(model, path, values)) > 0}
+    if not motion.span > 0 or len(levels) > 1:
         return []
-    (base,) = levels
-    level = values[own_name(model, base)]
+    if not levels:
+        return [_grown(model, spot, motion, word)] if seen else []
+    ((base, level),) = levels.items()
+    if not base.endswith(f".{word}") or not _alone(model, base) or lent(model, base):
+        return []
     width = values.get(own_name(model, f"{base.rpartition('.')[0]}.width"), motion.width)
-    grid = [float(level / (way * motion.span)) for way in WAYS]
-    kind = sliding.DahlFriction if slides else turning.RotationalDahlFriction
+    ways, force = [way * motion.span for way in WAYS], partial(bristles, level=level, width=width)
+    c = _candidate(model, spot, motion, word, level, ways, lambda way: partial(force, delta=way))
+    return [replace(c, absorbs={own_name(model, base): c.named[word]})]
+
+
+def _grown(model: Model, spot: Spot, motion: Motion, word: str) -> Candidate:
+    """The candidate where there is no friction, with all that it has as large as the score tells."""
+    c = _candidate(model, spot, motion, word, 1.0, [way * motion.span for way in LONG_WAYS], lambda way: partial(carried, delta=way))
+    level, stiffness = c.named[word], c.named["sigma_0"]
+    signals = tuple(replace(s, start={level: 1.0, **s.start}) for s in c.signals)
+    free = {level: (1.0, 0.0, inf), stiffness: (c.start[stiffness][0], 0.0, inf)}
+    return replace(c, signals=signals, start=free, grows=(level, stiffness))
+
+
+def _candidate(
+    model: Model, spot: Spot, motion: Motion, word: str, level: float, ways: Sequence[float], force: Callable[[float], Carried]
+) -> Candidate:
+    """With a level, seen at some ways; force: what there is of it at one of them, by time and velocity."""
     name = free_name(model, f"presliding_friction_{spot.name}")
-    stiffness, own = f"{name}.sigma_0", f"{name}.{word}"
-    signals = tuple(
-        Signal(
-            of=(f"force:{spot.name}",),
-            seen=f"{spot.name}.{rate}",
-            changed=partial(bristles, level=level, delta=level / sigma_0, width=width),
-            start={stiffness: sigma_0},
-        )
-        for sigma_0 in grid
+    kind = sliding.DahlFriction if spot.kind == "translational" else turning.RotationalDahlFriction
+    own, stiffness, stiffest = f"{name}.{word}", f"{name}.sigma_0", level / min(ways)
+    return Candidate(
+        place=spot.name,
+        family="friction",
+        physics="presliding_friction",
+        edits=(Insert(place=flange_of(spot), component=kind(**{word: level, "sigma_0": stiffest, "width": motion.width}), name=name),),
+        start={stiffness: (stiffest, level / max(ways) / 100, inf), own: (level, level * 1e-3, inf)},
+        named={"sigma_0": stiffness, word: own},
+        signals=tuple(
+            Signal(of=(f"force:{spot.name}",), seen=f"{spot.name}.{RATES[spot.kind]}", changed=force(way), start={stiffness: level / way})
+            for way in ways
+        ),
     )
-    component = kind(**{word: level, "sigma_0": grid[0], "width": motion.width})
-    return [
-        Candidate(
-            place=spot.name,
-            family="friction",
-            physics="presliding_friction",
-            edits=(Insert(place=flange_of(spot), component=component, name=name),),
-            start={stiffness: (grid[0], grid[-1] / 100, inf), own: (level, level * 1e-3, inf)},
-            absorbs={own_name(model, base): own},
-            named={"sigma_0": stiffness, word: own},
-            signals=signals,
-        )
-    ]
+
+
+def _level(model: Model, path: str, values: dict[str, float]) -> float:
+    """A force that does not vanish with the velocity; nothing of what is measured otherwise."""
+    owner, _, word = path.rpartition(".")
+    return values.get(own_name(model, path), 0.0) if model.components[owner].declared_parameters[word].unit in UNITS else 0.0
 
 
 def _alone(model: Model, path: str) -> bool:

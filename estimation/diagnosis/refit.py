@@ -139,7 +139,7 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
         return taken | start
     start |= screened.look.shape
     if candidate.signals:
-        return start
+        return start | {name: start[name] * float(screened.estimate[0]) for name in candidate.grows}
     a = screened.estimate
     if candidate.quadrature:
         first, second = a[: len(a) // 2], a[len(a) // 2 :]

@@ -92,11 +92,11 @@ def loose(findings: Sequence[Finding], accepted: Sequence[Candidate], bare: Mode
 
 
 def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
-    """Whether its fit made it so small that its force is less than half of the floor, or, of what sets in, the floor, at every place.
+    """Whether its fit made it so small that its force is less than the floor at every place.
 
-    Play by what its coupling bears differently, k gap/2: less than that mends what a mesh of one interval a sample cannot follow. Others
-    by what they were at their score: an effect goes with its one strength, and a dead zone's with its width. A parameter that is wrong by
-    a share that matters is never slight.
+    Play by what its coupling bears differently, k gap/2: less than half of that mends what a mesh of one interval a sample cannot
+    follow. Others by what they were at their score: an effect goes with its one strength, and a dead zone's with its width. A parameter
+    that is wrong by a share that matters is never slight.
     """
     if f.result is None:
         return False
@@ -110,15 +110,16 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
     path, there = alone
     if amiss(c, [f.result.parameters[path].value - c.neutral(path)]):
         return False
-    share = max(sizes.shares(s.look, np.ones(1) if c.signals else s.estimate).values(), default=0.0)
-    least = FLOOR if c.onset is not None else FLOOR / 2
-    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < least * abs(there)
+    share = max(sizes.shares(s.look, np.ones(1) if c.signals and not c.grows else s.estimate).values(), default=0.0)
+    return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < FLOOR * abs(there)
 
 
 def _alone(c: Candidate, s: Screened) -> tuple[str, float] | None:
     """The one parameter that a force goes with, and what it was at the score; None where there is no such one."""
     if c.family == "sensor" or c.absorbs or c.quadrature:
         return None
+    if c.grows:
+        return c.grows[0], float(s.estimate[0])
     if c.signals:
         width = c.named.get("width", "")
         return (width, s.look.shape[width]) if width in s.look.shape else None

@@ -128,7 +128,8 @@ def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list
         if c.key in skipped or c.onset is not None or not (c.signals or c.strengths):
             continue
         shapes = [replace(one, inflation=s.inflation) for one in found.shapes.get(id(c), (s,))]
-        path, strength = _of_signal(shapes, sizes, deviations) if c.signals else _of_strength(shapes, sizes, deviations)
+        shaped = c.signals and not c.grows
+        path, strength = _of_signal(shapes, sizes, deviations) if shaped else _of_strength(shapes, sizes, deviations)
         word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
         unit = c.unit(model, path, sizes.result.units)
         told = Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=unit)
@@ -147,7 +148,7 @@ def _of_strength(shapes: Sequence[Screened], sizes: Sizes, deviations: float) ->
         strength = max(strength, FLOOR / share) if strength * share < BEYOND else inf
     elif c.of_reading:
         strength = max(strength, FLOOR)
-    return c.strengths[-1], strength
+    return c.grows[0] if c.grows else c.strengths[-1], strength
 
 
 def _of_signal(shapes: Sequence[Screened], sizes: Sizes, deviations: float) -> tuple[str, float]:
