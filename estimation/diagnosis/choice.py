@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..results import Smoothing
-from .candidates import Candidate
+from .candidates import SIGNALS, Candidate
 from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
 from .refit import Fitted, holds
@@ -38,7 +38,6 @@ AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least,
 NEARLY = 0.01  # of that value
 WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however little of the forces that is
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
-SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 

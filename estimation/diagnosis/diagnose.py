@@ -7,10 +7,8 @@ and then the proof on what was held out. Everything is judged with trajectories,
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from numpy.linalg import LinAlgError
@@ -20,12 +18,8 @@ from backsight.models.errors import InputError, SolveError
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
-from ..results import Smoothing
-from ..smoothing.explaining import EXPLAINS_NOTHING
-from ..smoothing.program import Settings
-from ..smoothing.smoother import smoothing
-from ..smoothing.unseen import unseen_states
 from ..workers import at_hand, workers
+from .as_it_is import AsItIs, as_it_is
 from .contradicted import contradicted
 from .delays import without_delays
 from .fits import Fits, Progress
@@ -33,20 +27,15 @@ from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
 from .mismatch import mismatches
-from .misread import Reading, idle, lost, misread
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
-from .refit import HELD, PATIENT, QUICKLY, comparable
 from .search import Search
 from .sizes_known import with_sizes_known
 from .standing import Standing
 from .verdict import Diagnosis
 from .words import CONTRADICTED, withdrawn
 
-BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
-MISREAD, READINGS = 15.0, 90.0  # s, of the model as it is with columns read in another way; s, of all of them together
-SHORTER = 250.0  # s, of the same beside what held weights have left
-OF_BASE, AT_LEAST = 0.6, 60.0  # of the search's time, that the model as it is may take; s, that each way to it has all the same
+OF_BASE = 0.6  # of the search's time, that the model as it is may take
 SEARCH = 840.0  # s, from the beginning to the end of the search
 PROOF = 240.0  # s, from there to the end of the last smoothing of what was held out
 ALONE = 60.0  # s, that this may take where there is nothing to prove
@@ -78,24 +67,24 @@ def diagnose(
     with workers(jobs, scheduler) as pool:
         steadied = with_offsets(with_heading(posed, problem.model))
 
-        def based(other: Problem, *, asking: bool = False) -> tuple[Smoothing, Settings]:
-            return _base(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
+        def based(other: Problem, *, asking: bool = False) -> AsItIs:
+            return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
         as_said = based(steadied, asking=True)
-        steadied, open_ones = with_sizes_known(steadied, as_said[0])
+        steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
-        better, (first, settings), straight = with_better_hold(steadied, problem.model, as_said, based)
+        now, straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
-            standing=Standing(problem=better, model=problem.model, result=first),
-            fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, better), say=say, end=end, jobs=jobs),
-            settings=settings,
+            standing=Standing(problem=now.problem, model=problem.model, result=now.result),
+            fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, now.problem), say=say, end=end, jobs=jobs),
+            settings=now.settings,
             seed=seed,
             held=tuple(steadied.recordings) if straight else None,
         )
         search.run()
     first = search.first
     if straight and search.held is None:
-        straight, first = "", as_said[0]
+        straight, first = "", as_said.result
     verdict, first = search.verdict(), without_offsets(first)
     notes = [said for said in (late, split, straight, open_ones) if said]
     if straight:
@@ -103,7 +92,7 @@ def diagnose(
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
     if not first.solver.converged:
         notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
-    if not settings.weigh:
+    if not now.settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out, unseen = None, [r for r in recordings if r.role == "held_out"]
     say(f"{'proof' if search.standing.named else 'the model'} on what was held out")
@@ -120,7 +109,7 @@ def diagnose(
 
     try:
         if unseen:
-            base = proof.predictor((replace(posed, recordings=recordings), first), "the base model")
+            base = proof.predictor((replace(posed, weights=search.first_weights, recordings=recordings), first), "the base model")
         if unseen and search.standing.named:
             repaired = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
             repaired, gone = contradicted(search, proof, repaired, seen)
@@ -156,68 +145,3 @@ def diagnose(
         seed=seed,
         notes=(*notes, *search.notes),
     )
-
-
-def _base(problem: Problem, kept: Keep, say: Progress, end: float = math.inf, *, asking: bool = False) -> tuple[Smoothing, Settings]:
-    """The model as it is, and how candidates are fitted beside it.
-
-    What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
-    the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. Where these
-    do not come to rest their parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and
-    where they do not come to rest from there either, where the held ones were left. A model that does not come to rest in any way is taken
-    as it was left with held ones: what it lacks may be what keeps it from that.
-    end: on the clock of `time.time`, by which it should be there. asking: whether one that explains nothing has its columns doubted.
-    """
-
-    def smoothed(what: str, way: Settings, begin: Smoothing | None = None) -> Smoothing | None:
-        say(f"the model as it is{what}")
-        way = replace(way, seconds=min(way.seconds, max(end - time.time(), AT_LEAST)))
-        call = partial(smoothing, problem, settings=way, begin=None if begin is None else begin.solution, progress=say)
-        return kept.smoothed(kept.name(f"the model as it is{what}"), call)
-
-    weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
-    onward = replace(weighed, check_mesh=False, finest=QUICKLY.finest, options=PATIENT)
-    hidden = bool(unseen_states(problem.plain))
-    near = smoothed(", with weights from the forces' sizes", held) if hidden else None
-    if near is not None and near.solver.converged:
-        return near, HELD
-    weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
-    found = smoothed("", weighed)
-    if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):
-        raise InputError(f"diagnose: {EXPLAINS_NOTHING} of what was recorded. It explains more if {said}.")
-    if found is not None and not found.solver.converged and comparable(problem, found):
-        found = smoothed(", from where it was left", onward, found) or found
-    if found is not None and found.solver.converged:
-        return found, QUICKLY
-    if not hidden:
-        near = smoothed(", with weights from the forces' sizes", held)
-        if near is not None and near.solver.converged:
-            return near, HELD
-    tried = near or found
-    near = near if near is not None and comparable(problem, near) else None
-    if near is not None and hidden and found is not None:
-        last = smoothed(", with weights from the data from there", weighed, near)
-        if last is not None and last.solver.converged:
-            return last, QUICKLY
-    if near is not None:
-        return near, HELD
-    status = "it took too long" if tried is None else tried.solver.status.rstrip(".")
-    notes = [] if tried is None else [note for note in tried.notes if note.startswith("residual.")]
-    raise InputError(" ".join([f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.", *notes]))
-
-
-def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end: float) -> str:
-    """What the columns of a study may be instead."""
-    end = min(end, time.time() + READINGS)
-
-    def smoothed(what: str, read: Reading) -> Smoothing | None:
-        if time.time() > end:
-            return None
-        say(f"the model as it is{what}")
-        way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
-        try:
-            return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, read(problem), settings=way))
-        except (SolveError, InputError, ArithmeticError, LinAlgError):
-            return None
-
-    return misread(problem, result, smoothed)

@@ -134,21 +134,33 @@ def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Find
 
 
 def nameless(place: str, share: float, result: Smoothing, tried: Sequence[Tried], problem: Problem) -> Finding:
-    """What is left over at a place, matters, and is nothing of the library; it may be wherever no outputs tell it from there."""
-    left = result.residual_places[place]
+    """What is left over at a place, matters, and is nothing of the library; it may be wherever no outputs tell it from there.
+
+    Of a body with several balances it is told by the name of the one where it is.
+    """
+    left, (owner, balance) = result.residual_places[place], _balance(place)
     rms = Strength(value=left.rms, std=None, unit=left.unit)
     others, separates = _elsewhere(problem.dae, place, [tuple(r.outputs) for r in problem.recordings])
+    owners = [name for name in dict.fromkeys(_balance(other)[0] for other in others) if name != owner]
     return Finding(
-        explanation=_unknown(place, {"rms": rms}),
+        explanation=_unknown(owner, {balance or "rms": rms}),
         p_value=math.nan,
         gain=0.0,
         change="",
         share=share,
         alternatives=tuple(t.explanation for t in tried[:3]),
-        rivals=tuple(_unknown(name, {}) for name in others),
+        rivals=tuple(_unknown(name, {}) for name in owners),
         separates=separates,
         described=described(result, place),
     )
+
+
+def _balance(place: str) -> tuple[str, str]:
+    """The component of a place, and which of its balances that is, if it has several: body.tau_x -> body, tau_x."""
+    if ":" in place:
+        return place, ""
+    owner, _, balance = place.partition(".")
+    return owner, balance
 
 
 def _elsewhere(dae: Dae, place: str, measured: Sequence[Collection[str]]) -> tuple[list[str], str]:

@@ -113,7 +113,9 @@ def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Ca
             edits=(Insert(place=body, component=QuadraticDrag(), name=square),),
             strengths=(f"{square}.c",),
             one_sided=True,
-            named={"c": f"{square}.c"},
+            shapes={f"{square}.share_z": (0.0, 1.0)},
+            start={f"{square}.share_z": (0.0, 0.0, np.inf)},
+            named={"c": f"{square}.c", "share_z": f"{square}.share_z"},
         ),
         Candidate(
             place=body,

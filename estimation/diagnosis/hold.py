@@ -16,7 +16,7 @@ from backsight.models import Model
 
 from ..problem import Problem
 from ..results import Smoothing
-from ..smoothing.program import Settings
+from .as_it_is import AsItIs
 from .candidates import Candidate, Signal
 from .choice import CLEAR
 from .refit import worth_of
@@ -24,8 +24,6 @@ from .score import Linearised
 from .supermodel import looked_at
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-
-Base = tuple[Smoothing, Settings]
 
 
 def straight(_: Array, values: Array) -> Array:
@@ -45,22 +43,21 @@ def promised(problem: Problem, model: Model, first: Smoothing) -> float:
     return float(-scores.b[0] - scores.G[0, 0] / 2)
 
 
-def with_better_hold(problem: Problem, model: Model, first: Base, smoothed: Callable[[Problem], Base]) -> tuple[Problem, Base, str]:
-    """The problem with its inputs held or straight, its smoothing and how that was done, and what there is to say."""
-    if promised(problem, model, first[0]) < CLEAR:
-        return problem, first, ""
-    other = replace(problem, recordings=[replace(r, hold="linear") for r in problem.recordings])
-    second = smoothed(other)
-    at_rest = [one.solver.converged for one, _ in (first, second)]
+def with_better_hold(problem: Problem, model: Model, first: AsItIs, smoothed: Callable[[Problem], AsItIs]) -> tuple[AsItIs, str]:
+    """The model as it is with its inputs held or straight, and what there is to say. problem: as `smoothed` had it for the first."""
+    if promised(first.problem, model, first.result) < CLEAR:
+        return first, ""
+    second = smoothed(replace(problem, recordings=[replace(r, hold="linear") for r in problem.recordings]))
+    at_rest = [one.result.solver.converged for one in (first, second)]
     if at_rest == [True, True]:
-        if first[1].weigh is not second[1].weigh:
-            return problem, first, ""  # of one the weights are held: their evidences are of different things
-        now, then = (worth_of(p, one, weighed=how.weigh) for p, (one, how) in ((problem, first), (other, second)))
+        if first.settings.weigh is not second.settings.weigh:
+            return first, ""  # of one the weights are held: their evidences are of different things
+        now, then = (worth_of(one.problem, one.result, weighed=one.settings.weigh) for one in (first, second))
         if not (more := then.over(now)) > CLEAR:
-            return problem, first, ""
+            return first, ""
         gained = f"{more:.3g} nats more"
     elif at_rest == [False, True]:
         gained = "held ones do not come to rest"
     else:
-        return problem, first, ""
-    return other, second, f"Inputs were taken to run straight from row to row, not to be held: {gained}. Say hold = 'linear' if that is so."
+        return first, ""
+    return second, f"Inputs were taken to run straight from row to row, not to be held: {gained}. Say hold = 'linear' if that is so."

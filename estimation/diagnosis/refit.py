@@ -31,6 +31,7 @@ from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .held import rescaled
+from .latent import held_there, instead, without_force
 from .offsets import counted_out, with_those_of
 from .screen import Screened
 from .worth import NONE, Worth
@@ -44,6 +45,7 @@ HOLDING = ("coulomb_friction", "stribeck_friction")
 PATIENT = Options(
     tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
 )  # a hundredth of a deviation is near enough, and friction is rough; what has not come to rest by then is left there
+THERE = Options(gauss_newton_iterations=0, max_iterations=0, hopeless=0.0)  # no step at all
 QUICKLY = Settings(check_mesh=False, finest=1.0, hasty=True, options=Options(tolerance=1e-2, gauss_newton_iterations=15, max_iterations=40))
 HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(tolerance=1e-2, gauss_newton_iterations=40, max_iterations=40))
 
@@ -108,8 +110,8 @@ def comparable(problem: Problem, result: Smoothing) -> bool:
 
 
 def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[str, float]) -> tuple[Problem, Model]:
-    """The problem with a candidate in its model. start: parameter -> where it begins."""
-    edited = candidate.edited(model)
+    """The problem with a candidate in its model, instead of what stands for it (`latent.py`). start: parameter -> where it begins."""
+    problem, edited = instead(problem, candidate), candidate.edited(model)
     parameters: dict[str, Free | float] = dict(problem.parameters)
     places = [name for name in problem.weights.W if name in {p.name for p in compile_model(edited).dormant_places}]
     dae = with_those_of(problem, compile_model(edited, places=places) if places else compile_model(edited))
@@ -178,14 +180,15 @@ def fitted(
     try:
         now, edited = posed(problem, model, candidate, start)
         there = None if anew else Begun.of(begin, now)
-        weighed = now if settings.weigh else with_weights_of(begin, now)
+        stood = held_there(problem, now)
+        weighed = now if settings.weigh else with_weights_of(begin, now, stood)
         if candidate.dear:
             settings = replace(settings, finest=max(settings.finest, _fineness(problem, begin)))
         if settings.weigh:
             settings = replace(settings, hopeless=HOPELESS * begin.solved.cost if candidate.dear else np.inf)
             unseen = hidden(problem)
             settings = replace(settings, most={name: std for name, std in force_stds(begin).items() if name in unseen})
-        elif not anew:
+        elif not (anew or stood):
             # at the same weights a model that holds another one costs no more
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
@@ -261,10 +264,26 @@ def at_work(problem: Problem) -> set[str]:
     return {plain.dae.places[k].name for law in friction_laws(plain) for k in law.places}
 
 
-def with_weights_of(begin: Solution, problem: Problem) -> Problem:
-    """The problem with the residual forces' deviations of a solution, of all places that both have."""
+def bared(problem: Problem, result: Smoothing) -> tuple[Problem, Solution]:
+    """A problem and its solution as scores see them: where it came to rest, without a force that stands for what may be missing.
+
+    Raises ValueError without a solution.
+    """
+    if (solution := result.solution) is None:
+        raise ValueError("a smoothed model has its solution")
+    plain = without_force(problem)
+    if plain is problem:
+        return problem, solution
+    plain = settled(plain, result)
+    posed = with_weights_of(solution, plain, held_there(problem, plain))
+    there = smoothing(posed, settings=replace(HELD, options=THERE), begin=Begun.of(solution, posed)).solution
+    return (plain, there) if there is not None else (problem, solution)
+
+
+def with_weights_of(begin: Solution, problem: Problem, others: Mapping[str, float] | None = None) -> Problem:
+    """The problem with the residual forces' deviations of a solution, of all places that both have. others: place -> another one."""
     places = {p.name for p in problem.posed.dae.places}
-    W = {name: std for name, std in force_stds(begin).items() if name in places}
+    W = {name: std for name, std in force_stds(begin).items() if name in places} | dict(others or {})
     return replace(problem, weights=replace(problem.weights, W=W | dict(problem.weights.W)))
 
 

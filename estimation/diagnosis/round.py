@@ -33,7 +33,7 @@ from .misfit import NEARER, OFF, off
 from .offsets import counted_out
 from .onsets import dated, late, moved
 from .places import joined_to
-from .refit import at_work, hidden, holds, settled, worth_of
+from .refit import at_work, bared, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
 from .score import Linearised
 from .screen import Screen, Screened, screen
@@ -78,11 +78,10 @@ class Round:
     @classmethod
     def of(cls, base: Base, bare: Bare, accepted: Sequence[Candidate], loose: tuple[set[str], float], fits: Fits, seed: int) -> Round:
         """The scores of all candidates. seed: of what is drawn."""
-        if base.result.solution is None:
-            raise ValueError("a smoothed model has its solution")
-        linearised = Linearised(base.result.solution)
-        candidates = library(base.problem, base.model, linearised.solution, brought={n for c in accepted for n in c.brought})
-        looks = looked_at(base.problem, base.model, linearised, candidates)
+        problem, solution = bared(base.problem, base.result)
+        linearised = Linearised(solution)
+        candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
+        looks = looked_at(problem, base.model, linearised, candidates)
         return cls(
             base=base,
             bare=bare,
@@ -90,7 +89,7 @@ class Round:
             linearised=linearised,
             candidates=candidates,
             found=screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs),
-            sizes=Sizes(base.problem, base.result, linearised),
+            sizes=Sizes(problem, base.result, linearised),
             accepted=accepted,
             loose=loose,
         )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..problem import Free, Problem
+from ..problem import Free, Problem, Weights
 from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.program import Settings
@@ -16,6 +16,7 @@ from .choice import CLEAR, idle
 from .elimination import Bare
 from .findings import verdict
 from .fits import Base, Fits
+from .latent import without_force
 from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
 from .refusals import loose
@@ -49,7 +50,8 @@ class Search:
     of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
     compared: whether models could be. moved: how often the model as it is went where a fit came to rest. asked: beside which candidate it
     was smoothed from the guesses, too. first: the model without anything that was found, with weights from the data where it was smoothed
-    with these. before: what there was before the last effect was found. aside: what was taken back to be sought again with these weights.
+    with these; first_weights: of its problem. before: what there was before the last effect was found. aside: what was taken back to be
+    sought again with these weights.
     """
 
     standing: Standing
@@ -67,14 +69,15 @@ class Search:
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
     first: Smoothing = field(init=False, repr=False)
+    first_weights: Weights = field(init=False, repr=False)
     aside: Standing | None = field(default=None, init=False, repr=False)
     _sizes: Sizes = field(init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.bare = Bare(problem=self.standing.problem, model=self.standing.model)
-        self.first = self.standing.result
+        self.bare = Bare(problem=without_force(self.standing.problem), model=self.standing.model)
+        self.first, self.first_weights = self.standing.result, self.standing.problem.weights
 
     @property
     def problem(self) -> Problem:
@@ -287,7 +290,7 @@ class Search:
             now = self.before.at(*found)
         self.standing, self.settings = now, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
         if not self.standing.findings:
-            self.first = self.result
+            self.first, self.first_weights = self.result, self.problem.weights
             self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
         return True
 
@@ -335,7 +338,8 @@ class Search:
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""
         nameless = tuple(f for f in self.standing.findings if f.explanation.physics == UNKNOWN)
-        self.standing = Standing(problem=self.bare.problem, model=self.bare.model, result=self.first, findings=nameless)
+        problem = replace(self.bare.problem, weights=self.first_weights)
+        self.standing = Standing(problem=problem, model=self.bare.model, result=self.first, findings=nameless)
 
     def verdict(self) -> Class:
         """One word for what was found."""

@@ -98,8 +98,13 @@ def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:
     """
     if result.solution is None or (before.off > OFF and off(problem, result) < NEARER * before.off):
         return False
-    most = max(_left(result, _forces(problem, result.solution)).values(), default=0.0)
+    most = max(left_over(problem, result).values(), default=0.0)
     return most > FLOOR and most > GROWN * max(before.left.values(), default=0.0)
+
+
+def left_over(problem: Problem, result: Smoothing) -> dict[str, float]:
+    """Place -> rms of the residual force away from rest over that of the forces, of a result with its solution; none without one."""
+    return {} if result.solution is None else _left(result, _forces(problem, result.solution))
 
 
 def _forces(problem: Problem, solution: Solution, *, varying: bool = False) -> dict[str, float]:

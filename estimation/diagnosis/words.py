@@ -47,7 +47,7 @@ def _verdict(found: Diagnosis) -> str:
             nameless = [f for f in found.findings if f.explanation.physics == UNKNOWN] or list(found.findings)
             others = [named(f.explanation) for f in found.findings if f not in nameless]
             beside = f", beside {listed(others)}" if others else ""
-            there = [[f.explanation.place, *(r.place for r in f.rivals if r.physics == UNKNOWN)] for f in nameless]
+            there = [[_where(f.explanation), *(r.place for r in f.rivals if r.physics == UNKNOWN)] for f in nameless]
             where = listed(list(dict.fromkeys(" or ".join(places) for places in there)))
             goes = "".join(f" Of the mean square of that force go {f.described}." for f in nameless if f.described)
             return f"Something is missing at {where} that no member of the library explains{beside}.{goes}"
@@ -57,6 +57,12 @@ def _verdict(found: Diagnosis) -> str:
             rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
             return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."
     return " ".join(_clauses(found.findings))
+
+
+def _where(nameless: Explanation) -> str:
+    """The place of a force without a name, and which of its balances."""
+    balances = [word for word in nameless.parameters if word != "rms"]
+    return f"{nameless.place} ({listed(balances)})" if balances else nameless.place
 
 
 def _clauses(findings: Sequence[Finding]) -> list[str]:

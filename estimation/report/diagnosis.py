@@ -116,7 +116,7 @@ def _results(found: Diagnosis) -> dict[str, Smoothing]:
 def _when(found: Diagnosis) -> str:
     """The residual force at the guilty places over time, and against what it may hang on."""
     guilty = {f.explanation.place for f in found.findings}
-    shown = [k for k, m in enumerate(found.mismatch) if m.place in guilty] or list(range(len(found.mismatch)))
+    shown = [k for k, m in enumerate(found.mismatch) if {m.place, m.place.partition(".")[0]} & guilty] or list(range(len(found.mismatch)))
     by_place: dict[tuple[str, str], list[int]] = {}
     for k in shown:
         by_place.setdefault((found.mismatch[k].place, found.mismatch[k].recording), []).append(k)

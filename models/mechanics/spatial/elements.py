@@ -101,21 +101,24 @@ class DragMoment(Drag):
 
 
 class QuadraticDrag(Drag):
-    """Drag in proportion to the squared speed, against the velocity.   force = -c |nu_rel| nu_rel
+    """Drag in proportion to the squared speed, against the velocity.   force = -c |nu| nu,   nu = diag(1, 1, share_z) nu_rel
 
-    The corner at rest is rounded:   |nu_rel| = sqrt(nu_rel^2 + width^2)
+    The corner at rest is rounded:   |nu| = sqrt(nu^2 + width^2). A flat body, or one of which the drag along z is known, has a share_z
+    of 0.
 
     Connectors: frame
-    Parameters: c [N.s2/m2], 0 by default (absent); width [m/s] smoothing, 1e-3 by default;
+    Parameters: c [N.s2/m2], 0 by default (absent); share_z of the velocity along z that counts, 1 by default: drag alike all around;
+                width [m/s] smoothing, 1e-3 by default;
                 wind_x, wind_y, wind_z [m/s] velocity of the air in earth axes, 0 by default (absent)
     Shared:     body, its attitude
     """
 
     c = Parameter("N.s2/m2", 0.0, min=0.0, description="drag over squared speed")
+    share_z = Parameter("1", 1.0, min=0.0, description="share of the velocity along z that counts")
     width = Parameter("m/s", 1e-3, min=1e-12, description="rounding of the speed at rest", smoothing=True)
 
     def load(self, c: Any) -> tuple[Vector, Vector]:
-        nu = self.air_velocity(c)
+        nu = ca.vertcat(1, 1, c.share_z) * self.air_velocity(c)
         return -c.c * ca.sqrt(ca.sumsqr(nu) + c.width**2) * nu, ca.SX.zeros(3)
 
 

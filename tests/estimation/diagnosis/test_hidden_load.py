@@ -10,12 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from examples import soft_drive
+from hidden_load import LOAD, MOTOR, posed
 
-from backsight.estimation import Free, Problem, Recording
+from backsight.estimation import Free, Problem
 from backsight.estimation.diagnosis import diagnose
+from backsight.estimation.diagnosis.as_it_is import as_it_is
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.choice import CLEAR
-from backsight.estimation.diagnosis.diagnose import _base
 from backsight.estimation.diagnosis.fits import Fits
 from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.refit import HELD, at_work, hidden
@@ -24,32 +25,6 @@ from backsight.estimation.diagnosis.standing import Standing
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
 from backsight.models.mechanics.rotational import RotationalFriction
-
-MOTOR, LOAD, STIFFNESS, DAMPING, BEARING = 2e-3, 8e-3, 40.0, 0.01, 0.05
-STEP, FINER, NOISE, DURATION = 0.004, 40, 1e-3, 4.0
-
-
-def recorded(friction: float, seed: int = 0) -> Recording:
-    """Semi-implicit Euler with forty steps a sample; friction is the impulse that stops the load, if it may be as large (Moreau)."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(0.0, DURATION, STEP)
-    torque = 0.5 * np.sin(2 * np.pi * 0.8 * t) + 0.8 * np.repeat(rng.uniform(-1, 1, 41), 25)[: len(t)]
-    phi, omega, angles, h = np.zeros(2), np.zeros(2), np.zeros(len(t)), STEP / FINER
-    for i, u in enumerate(torque):
-        angles[i] = phi[0]
-        for _ in range(FINER):
-            twist = STIFFNESS * (phi[0] - phi[1]) + DAMPING * (omega[0] - omega[1])
-            omega[0] += h * (u - twist) / MOTOR
-            free = omega[1] + h * (twist - BEARING * omega[1]) / LOAD
-            omega[1] = np.sign(free) * max(abs(free) - h * friction / LOAD, 0.0)
-            phi = phi + h * omega
-    noisy = angles + NOISE * rng.standard_normal(len(t))
-    return Recording(name="run", time=t, inputs={"tau": torque}, outputs={"phi": noisy}, output_std={"phi": NOISE})
-
-
-def posed(friction: float) -> Problem:
-    free = {"motor.J": Free(1.3 * MOTOR), "load.J": Free(0.8 * LOAD), "shaft.k": Free(1.2 * STIFFNESS), "bearing.d": Free(0.7 * BEARING)}
-    return Problem(model=soft_drive(), recordings=[recorded(friction)], parameters=free)
 
 
 def test_the_place_of_which_no_output_tells_is_the_load():
@@ -87,9 +62,9 @@ def test_the_model_as_it_is_is_the_first_way_that_comes_to_rest_where_a_load_is_
     for name in (HELD_NAME, WEIGHED, ONWARD, FROM_THERE):
         told = replace(result, solver=replace(result.solver, converged=name in settled), notes=(name,))
         kept.put(kept.name(name), (told, result.solution))
-    found, fits = _base(problem, kept, lambda _: None)
-    assert found.notes == (taken,)
-    assert fits.weigh is (taken != HELD_NAME)
+    found = as_it_is(problem, kept, lambda _: None)
+    assert found.result.notes == (taken,)
+    assert found.settings.weigh is (taken != HELD_NAME)
 
 
 def astray() -> Search:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from concealed_axis import NOISE, posed, run
 
-from backsight.estimation import Problem, Smoothing, smooth
+from backsight.estimation import Problem, smooth
+from backsight.estimation.diagnosis.as_it_is import AsItIs
 from backsight.estimation.diagnosis.choice import CLEAR
 from backsight.estimation.diagnosis.diagnose import diagnose
 from backsight.estimation.diagnosis.hold import promised, straight, with_better_hold
@@ -31,8 +32,8 @@ def smoothly_driven(duration: float = 1.5, step: float = 2e-3) -> Problem:
     return posed(replace(made, time=t, inputs={"F": force}, outputs={"x": x}), W=W)
 
 
-def smoothed(problem: Problem) -> tuple[Smoothing, object]:
-    return smooth(problem), QUICKLY
+def smoothed(problem: Problem) -> AsItIs:
+    return AsItIs(problem=problem, result=smooth(problem), settings=QUICKLY)
 
 
 def test_a_straight_line_has_the_mean_of_its_ends():
@@ -42,18 +43,18 @@ def test_a_straight_line_has_the_mean_of_its_ends():
 def test_inputs_that_run_smoothly_are_taken_for_straight():
     problem = smoothly_driven()
     first = smoothed(problem)
-    assert promised(problem, actuator(), first[0]) > CLEAR
-    better, (result, _), said = with_better_hold(problem, actuator(), first, smoothed)
-    assert {r.hold for r in better.recordings} == {"linear"}
+    assert promised(problem, actuator(), first.result) > CLEAR
+    better, said = with_better_hold(problem, actuator(), first, smoothed)
+    assert {r.hold for r in better.problem.recordings} == {"linear"}
     assert "straight" in said
-    assert abs(result.parameters["carriage.m"].value - M) < 0.2 * abs(first[0].parameters["carriage.m"].value - M)
+    assert abs(better.result.parameters["carriage.m"].value - M) < 0.2 * abs(first.result.parameters["carriage.m"].value - M)
 
 
 def test_inputs_that_are_held_stay_so():
     problem = posed(run(1.5, 2e-3), W=W)
     first = smoothed(problem)
-    assert promised(problem, actuator(), first[0]) < 0
-    assert with_better_hold(problem, actuator(), first, smoothed) == (problem, first, "")
+    assert promised(problem, actuator(), first.result) < 0
+    assert with_better_hold(problem, actuator(), first, smoothed) == (first, "")
 
 
 @pytest.mark.parametrize(("held_rests", "straight_rests", "taken"), [(True, False, False), (False, True, True), (False, False, False)])
@@ -62,19 +63,20 @@ def test_what_does_not_come_to_rest_is_no_better(held_rests, straight_rests, tak
     problem, result = posed(run(0.5, 2e-3), W=W), smooth(posed(run(0.5, 2e-3), W=W))
     monkeypatch.setattr("backsight.estimation.diagnosis.hold.promised", lambda *_: 50.0)
 
-    def left(rests: bool) -> Smoothing:
-        return replace(result, solver=replace(result.solver, converged=rests))
+    def left(rests: bool) -> AsItIs:
+        return AsItIs(problem=problem, result=replace(result, solver=replace(result.solver, converged=rests)), settings=QUICKLY)
 
-    better, _, said = with_better_hold(problem, actuator(), (left(held_rests), QUICKLY), lambda _: (left(straight_rests), QUICKLY))
-    assert (better is not problem) is taken
+    first, second = left(held_rests), left(straight_rests)
+    better, said = with_better_hold(problem, actuator(), first, lambda _: second)
+    assert better is (second if taken else first)
     assert ("do not come to rest" in said) is taken
 
 
 def test_weights_from_the_data_are_not_held_against_held_ones(monkeypatch):
     problem = posed(run(0.5, 2e-3), W=W)
-    first = smoothed(problem)
+    first = replace(smoothed(problem), settings=HELD)
     monkeypatch.setattr("backsight.estimation.diagnosis.hold.promised", lambda *_: 50.0)
-    assert with_better_hold(problem, actuator(), (first[0], HELD), smoothed) == (problem, (first[0], HELD), "")
+    assert with_better_hold(problem, actuator(), first, smoothed) == (first, "")
 
 
 def test_what_a_study_says_is_not_asked_again():

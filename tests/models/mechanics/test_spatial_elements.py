@@ -82,6 +82,14 @@ def test_quadratic_drag_points_against_the_velocity() -> None:
     assert columns(s, "u", "v", "w") == pytest.approx(expected, rel=1e-8, abs=1e-12)
 
 
+def test_quadratic_drag_of_what_is_flat_leaves_the_fall_alone() -> None:
+    t = np.linspace(0.0, 2.0, 5)
+    s = simulate(compile_model(held(QuadraticDrag(c=0.4, share_z=0.0), m=1.5)), t, initial={"body.u": 3.0, "body.v": -4.0}).states
+    across = np.outer(1 / (1 + 0.4 / 1.5 * 5.0 * t), [3.0, -4.0])
+    assert columns(s, "u", "v") == pytest.approx(across, rel=1e-6, abs=1e-9)
+    assert s["body.w"] == pytest.approx(9.81 * t, rel=1e-6, abs=1e-9)
+
+
 def test_at_rest_quadratic_drag_has_a_slope() -> None:
     dae = compile_model(held(QuadraticDrag(c=0.4)))
     slope = ca.Function("slope", [dae.dx, dae.x, dae.p, dae.w], [ca.jacobian(dae.residual, dae.x)])

@@ -1,0 +1,68 @@
+"""A force without a name at one place, where the model as it is does not come to rest without it.
+
+An offset of a motor's voltage is seen in its current at once; where residual forces have the same share of the forces everywhere the
+string and the bit, which nobody sees, have to make up for it, and go astray. With a force that remembers at the place that strains
+(Ornstein-Uhlenbeck, as large as what is left over there) all else is found as if nothing were missing. It is no part of the model but a
+rival of what may be missing: what acts at that place, and whatever sensors and inputs do wrong, is fitted without it, all else beside it;
+where nothing takes its place it is the force that nobody explains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..problem import Problem, Weights
+from ..results import Smoothing
+from ..smoothing.begun import force_stds
+from ..smoothing.horizons import sampling_interval
+from .candidates import SIGNALS, Candidate
+
+LASTING = 50.0  # sampling intervals that it remembers: noise of single samples is none of it
+STRAINS = 0.02  # of the forces at a place: with less left over than twice what all have room for it is not that place that strains
+MOST = 2  # places that are tried
+
+
+@dataclass(frozen=True, kw_only=True)
+class Latent(Weights):
+    """Weights with such a force. place: where; held: std of a white one there, where it is taken out; given: the weights without it."""
+
+    place: str
+    held: float
+    given: Weights = field(default_factory=Weights)
+
+
+def with_force(problem: Problem, place: str, rms: float, held: float) -> Problem:
+    """The problem with such a force at a place. rms: how large [unit of the place]; held: as `Latent` has it."""
+    given = problem.weights
+    tau = LASTING * min(sampling_interval(r) for r in problem.fitted)
+    W, times = {**given.W, place: rms}, {**given.tau, place: tau}
+    return replace(problem, weights=Latent(W=W, V=given.V, tau=times, kind=given.kind, place=place, held=held, given=given))
+
+
+def without_force(problem: Problem) -> Problem:
+    """The problem as it is without one; the same where it has none."""
+    return replace(problem, weights=problem.weights.given) if isinstance(problem.weights, Latent) else problem
+
+
+def instead(problem: Problem, c: Candidate) -> Problem:
+    """The problem that a candidate is put into: without the force that stands for what it may be."""
+    latent = problem.weights
+    stands = isinstance(latent, Latent) and (c.family in SIGNALS or c.place == latent.place)
+    return without_force(problem) if stands else problem
+
+
+def held_there(before: Problem, now: Problem) -> dict[str, float]:
+    """Place -> std of a white force where a model had one that remembers, and has it no more."""
+    latent = before.weights
+    return {latent.place: latent.held} if isinstance(latent, Latent) and not isinstance(now.weights, Latent) else {}
+
+
+def straining(problem: Problem, near: Smoothing, left: dict[str, float]) -> list[tuple[str, Problem]]:
+    """The places that strain most, each with the problem that has a force there. left: place -> share of its forces that is left over."""
+    if near.solution is None:
+        return []
+    held, given = force_stds(near.solution), {*problem.weights.W, *problem.weights.tau}
+    worst = sorted((p for p in left if p in held and p not in given and np.isfinite(left[p]) and left[p] > STRAINS), key=lambda p: -left[p])
+    return [(p, with_force(problem, p, near.residual_places[p].rms, held[p])) for p in worst[:MOST]]

@@ -1,0 +1,92 @@
+"""A force without a name at the place that strains: what it is worth, what is fitted beside it and what instead of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden_load import LOAD, MOTOR, STEP, STIFFNESS, posed
+
+from backsight.estimation.diagnosis.as_it_is import as_it_is
+from backsight.estimation.diagnosis.candidates import Candidate
+from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.latent import LASTING, Latent, held_there, instead, straining, with_force, without_force
+from backsight.estimation.diagnosis.refit import HELD, fitted, settled
+from backsight.estimation.diagnosis.shares import left_over
+from backsight.estimation.smoothing.smoother import smoothing
+
+OFFSET = 0.35  # N.m, of a torque of 0.65 rms
+
+
+def offset():
+    """The motor's torque is recorded with an offset that it does not have."""
+    problem = posed(0.0)
+    return replace(problem, recordings=[replace(r, inputs={"tau": r.inputs["tau"] - OFFSET}) for r in problem.recordings])
+
+
+def candidate(place: str, family: str, physics: str) -> Candidate:
+    return Candidate(place=place, family=family, physics=physics)
+
+
+def test_it_remembers_for_some_samples_and_is_gone_without_a_trace():
+    problem = posed(0.0)
+    with_one = with_force(problem, "motor", 0.3, 0.01)
+    assert with_one.weights.tau == {"motor": pytest.approx(LASTING * STEP)}
+    assert with_one.weights.W == {"motor": 0.3}
+    assert "residual.motor" in {q.name for q in with_one.posed.dae.states}
+    assert without_force(with_one) == problem
+    assert without_force(problem) is problem
+
+
+@pytest.mark.parametrize(
+    ("c", "stays"),
+    [
+        (candidate("motor", "friction", "coulomb_friction"), False),
+        (candidate("sensor:phi", "sensor", "sensor_gain"), False),
+        (candidate("input:tau", "actuator", "input_offset"), False),
+        (candidate("load", "friction", "coulomb_friction"), True),
+        (candidate("shaft", "parameter", "wrong_parameter"), True),
+    ],
+)
+def test_what_may_be_that_force_is_fitted_instead_of_it(c, stays):
+    with_one = with_force(posed(0.0), "motor", 0.3, 0.01)
+    now = instead(with_one, c)
+    assert isinstance(now.weights, Latent) is stays
+    assert held_there(with_one, now) == ({} if stays else {"motor": 0.01})
+    assert held_there(with_one, with_one) == {}
+
+
+def test_the_place_that_strains_is_the_one_where_much_is_left_over():
+    problem = offset()
+    near = smoothing(problem, settings=HELD)
+    left = {"motor": 0.3, "load": 0.015, "shaft": np.inf}
+    ((place, with_one),) = straining(problem, near, left)
+    assert place == with_one.weights.place == "motor"
+    assert with_one.weights.W["motor"] == near.residual_places["motor"].rms
+    given = replace(problem, weights=replace(problem.weights, W={"motor": 0.1}))
+    assert straining(given, near, left) == []
+    assert straining(problem, replace(near, solution=None), left) == []
+
+
+def test_a_model_that_comes_to_rest_only_with_it_has_its_numbers(tmp_path):
+    """An offset of the torque, beside a load that nobody sees; that the model alone did not come to rest is told here."""
+    problem = offset()
+    kept = Keep(tmp_path, problem)
+    near = smoothing(problem, settings=HELD)
+    lost = replace(near, solver=replace(near.solver, converged=False))
+    kept.put(kept.name("the model as it is, with weights from the forces' sizes"), (lost, near.solution))
+    assert left_over(problem, near)["motor"] > 0.05
+    found = as_it_is(problem, kept, lambda _: None)
+    assert isinstance(found.problem.weights, Latent)
+    assert found.settings.weigh is False
+    assert found.result.solver.converged
+    force = found.result.estimates["run"]["residual.motor"].to_numpy()
+    assert np.mean(force) == pytest.approx(OFFSET, rel=0.05)
+    for name, true in (("motor.J", MOTOR), ("load.J", LOAD), ("shaft.k", STIFFNESS)):
+        assert found.result.parameters[name].value == pytest.approx(true, rel=0.1)
+
+    torque = Candidate(place="motor", family="external", physics="constant_force", start={"motor.J": (MOTOR, 0.0, np.inf)})
+    instead_of_it = fitted(settled(found.problem, found.result), problem.model, found.result.solution, torque, {}, HELD)
+    assert not isinstance(instead_of_it.problem.weights, Latent)
+    assert "residual.motor" not in {q.name for q in instead_of_it.problem.posed.dae.states}
