@@ -19,7 +19,7 @@ from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
 from .fits import Progress
 from .keep import Keep
-from .latent import straining
+from .latent import as_tight, straining
 from .misread import Reading, idle, lost, misread
 from .refit import HELD, PATIENT, QUICKLY, comparable
 from .shares import left_over
@@ -66,8 +66,8 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         return AsItIs(problem=problem, result=near, settings=HELD)
     for place, posed in straining(problem, near, left_over(problem, near)) if near is not None else ():
         found = smoothed(f", with a force at {place}", replace(held, options=ROUGHLY), posed=posed)
-        if found is not None and found.solver.converged:
-            return AsItIs(problem=posed, result=found, settings=HELD)
+        if near is not None and found is not None and found.solver.converged:
+            return AsItIs(problem=as_tight(posed, near, found), result=found, settings=HELD)
     weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
     found = smoothed("", weighed)
     if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):

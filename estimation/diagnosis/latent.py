@@ -59,6 +59,16 @@ def held_there(before: Problem, now: Problem) -> dict[str, float]:
     return {latent.place: latent.held} if isinstance(latent, Latent) and not isinstance(now.weights, Latent) else {}
 
 
+def as_tight(problem: Problem, near: Smoothing, found: Smoothing) -> Problem:
+    """The problem with the white force, where this one is taken out, held as tightly as others are in what was found, not as in `near`."""
+    latent = problem.weights
+    if not isinstance(latent, Latent) or near.solution is None or found.solution is None:
+        return problem
+    then, now = force_stds(near.solution), force_stds(found.solution)
+    tighter = float(np.median([now[p] / then[p] for p in then.keys() & now.keys() - {latent.place}] or [1.0]))
+    return replace(problem, weights=replace(latent, held=latent.held * tighter))
+
+
 def straining(problem: Problem, near: Smoothing, left: dict[str, float]) -> list[tuple[str, Problem]]:
     """The places that strain most, each with the problem that has a force there. left: place -> share of its forces that is left over."""
     if near.solution is None:

@@ -14,6 +14,7 @@ from backsight.estimation.diagnosis.keep import Keep
 from backsight.estimation.diagnosis.latent import LASTING, Latent, held_there, instead, straining, with_force, without_force
 from backsight.estimation.diagnosis.refit import HELD, fitted, settled
 from backsight.estimation.diagnosis.shares import left_over
+from backsight.estimation.smoothing.begun import force_stds
 from backsight.estimation.smoothing.smoother import smoothing
 
 OFFSET = 0.35  # N.m, of a torque of 0.65 rms
@@ -80,6 +81,8 @@ def test_a_model_that_comes_to_rest_only_with_it_has_its_numbers(tmp_path):
     found = as_it_is(problem, kept, lambda _: None)
     assert isinstance(found.problem.weights, Latent)
     assert found.settings.weigh is False
+    then, now = force_stds(near.solution), force_stds(found.result.solution)
+    assert found.problem.weights.held / then["motor"] == pytest.approx(now["load"] / then["load"])
     assert found.result.solver.converged
     force = found.result.estimates["run"]["residual.motor"].to_numpy()
     assert np.mean(force) == pytest.approx(OFFSET, rel=0.05)
