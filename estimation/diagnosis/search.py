@@ -16,7 +16,7 @@ from .choice import CLEAR, idle
 from .elimination import Bare
 from .findings import verdict
 from .fits import Base, Fits
-from .latent import without_force
+from .latent import Latent, without_force
 from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
 from .refusals import loose
@@ -93,9 +93,11 @@ class Search:
         """Rounds until nothing more is found; then what could not have been seen.
 
         Where weights are held they come from the data as soon as the model bears it: evidences at held weights find what leads most of the
-        forces astray, but what is left of them then they take for an effect too. A model that has none at held weights is weighed at once.
+        forces astray, but what is left of them then they take for an effect too. A model that has none at held weights is weighed at once,
+        and so is one that has a force for what is missing: nothing leads the others astray.
         """
-        tried, more = not self.settings.weigh and not comparable(self.problem, self.result), True
+        at_once = isinstance(self.problem.weights, Latent) or not comparable(self.problem, self.result)
+        tried, more = at_once and not self.settings.weigh, True
         if tried:
             self._weighed()
         self._as_fits_are()
