@@ -1,4 +1,4 @@
-"""A force without a name at one place, where the model as it is does not come to rest without it.
+"""A force without a name at one place, where the model as it is does not come to rest without it, or cannot follow its samples.
 
 An offset of a motor's voltage is seen in its current at once; where residual forces have the same share of the forces everywhere the
 string and the bit, which nobody sees, have to make up for it, and go astray. With a force that remembers at the place that strains
@@ -17,10 +17,13 @@ from ..problem import Problem, Weights
 from ..results import Smoothing
 from ..smoothing.begun import force_stds
 from ..smoothing.horizons import sampling_interval
+from ..smoothing.unseen import moving_unseen
 from .candidates import SIGNALS, Candidate
 
 LASTING = 50.0  # sampling intervals that it remembers: noise of single samples is none of it
 STRAINS = 0.02  # of the forces at a place: with less left over than twice what all have room for it is not that place that strains
+MISREAD = 0.5  # of the forces: where more is left over columns may be others than the study says
+COSTS = 1.5  # squares per sample: with more a model strains
 MOST = 2  # places that are tried
 
 
@@ -69,10 +72,20 @@ def as_tight(problem: Problem, near: Smoothing, found: Smoothing) -> Problem:
     return replace(problem, weights=replace(latent, held=latent.held * tighter))
 
 
+def strained(near: Smoothing) -> bool:
+    """Whether a model costs far more than noise alone does: at the weights that it has it cannot follow its samples."""
+    return near.solution is not None and near.criteria is not None and 2 * near.solution.solved.cost > COSTS * near.criteria.samples
+
+
 def straining(problem: Problem, near: Smoothing, left: dict[str, float]) -> list[tuple[str, Problem]]:
-    """The places that strain most, each with the problem that has a force there. left: place -> share of its forces that is left over."""
+    """The places that strain most, each with the problem that has a force there. left: place -> share of its forces that is left over.
+
+    None is a body that no output shows: a force there may be any.
+    """
     if near.solution is None:
         return []
-    held, given = force_stds(near.solution), {*problem.weights.W, *problem.weights.tau}
-    worst = sorted((p for p in left if p in held and p not in given and np.isfinite(left[p]) and left[p] > STRAINS), key=lambda p: -left[p])
+    plain = problem.plain
+    unseen = {plain.dae.places[k].name for k in moving_unseen(plain)}
+    held, given = force_stds(near.solution), {*problem.weights.W, *problem.weights.tau, *unseen}
+    worst = sorted((p for p, share in left.items() if p in held and p not in given and STRAINS < share < MISREAD), key=lambda p: -left[p])
     return [(p, with_force(problem, p, near.residual_places[p].rms, held[p])) for p in worst[:MOST]]
