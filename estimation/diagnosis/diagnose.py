@@ -26,6 +26,7 @@ from .fits import Fits, Progress
 from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
+from .latent import Latent
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
@@ -92,7 +93,11 @@ def diagnose(
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
     if not first.solver.converged:
         notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
-    if not now.settings.weigh:
+    if isinstance(now.problem.weights, Latent):
+        notes.append(
+            f"The model as it is cannot follow its recordings: until something was found it had any force at {now.problem.weights.place}."
+        )
+    elif not now.settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out, unseen = None, [r for r in recordings if r.role == "held_out"]
     say(f"{'proof' if search.standing.named else 'the model'} on what was held out")
