@@ -17,12 +17,11 @@ from ..smoothing.explaining import EXPLAINS_NOTHING
 from ..smoothing.program import Settings
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import unseen_states
-from .choice import CLEAR
 from .fits import Progress
 from .keep import Keep
-from .latent import as_tight, strained, straining
+from .latent import as_tight, straining
 from .misread import Reading, idle, lost, misread
-from .refit import HELD, PATIENT, QUICKLY, comparable, worth_of
+from .refit import HELD, PATIENT, QUICKLY, comparable
 from .shares import left_over
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
@@ -46,7 +45,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
     the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. Where these
-    do not come to rest, or cannot follow the samples, a force without a name is tried at the places that strain (`latent.py`); and where
+    do not come to rest a force without a name is tried at the places that strain (`latent.py`); and where
     that does not help their parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and
     where they do not come to rest from there either, where the held ones were left. A model that does not come to rest in any way is taken
     as it was left with held ones: what it lacks may be what keeps it from that.
@@ -63,14 +62,15 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
     onward = replace(weighed, check_mesh=False, finest=QUICKLY.finest, options=PATIENT)
     hidden = bool(unseen_states(problem.plain))
     near = smoothed(", with weights from the forces' sizes", held) if hidden else None
-    if near is not None and near.solver.converged and not strained(near):
-        return AsItIs(problem=problem, result=near, settings=HELD)
-    for place, posed in straining(problem, near, left_over(problem, near)) if near is not None else ():
-        found = smoothed(f", with a force at {place}", replace(held, options=ROUGHLY), posed=posed)
-        if near is not None and found is not None and found.solver.converged and _better(posed, found, problem, near):
-            return AsItIs(problem=as_tight(posed, near, found), result=found, settings=HELD)
     if near is not None and near.solver.converged:
         return AsItIs(problem=problem, result=near, settings=HELD)
+    for place, posed in straining(problem, near, left_over(problem, near)) if near is not None else ():
+        try:
+            found = smoothed(f", with a force at {place}", replace(held, options=ROUGHLY), posed=posed)
+        except (SolveError, InputError, ArithmeticError, LinAlgError):
+            continue
+        if near is not None and found is not None and found.solver.converged:
+            return AsItIs(problem=as_tight(posed, near, found), result=found, settings=HELD)
     weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
     found = smoothed("", weighed)
     if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):
@@ -94,13 +94,6 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
     status = "it took too long" if tried is None else tried.solver.status.rstrip(".")
     notes = [] if tried is None else [note for note in tried.notes if note.startswith("residual.")]
     raise InputError(" ".join([f"diagnose: the model as it is could not be smoothed ({status}); give better guesses.", *notes]))
-
-
-def _better(posed: Problem, found: Smoothing, problem: Problem, near: Smoothing) -> bool:
-    """Whether a model with a force without a name is better than the one without it, which may not have come to rest."""
-    if not near.solver.converged:
-        return True
-    return worth_of(posed, found, weighed=False).over(worth_of(problem, near, weighed=False)) > CLEAR
 
 
 def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end: float) -> str:

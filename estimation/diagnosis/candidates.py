@@ -15,7 +15,6 @@ from .verdict import Key, titled
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
 
 

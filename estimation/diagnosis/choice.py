@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from ..results import Smoothing
-from .candidates import SIGNALS, Candidate
+from .candidates import Candidate
 from .density_ratio import more_probable_at
 from .offsets import PREFIX, counted_out
 from .refit import Fitted, holds
@@ -37,6 +37,7 @@ NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
 WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however little of the forces that is
+SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
@@ -251,7 +252,7 @@ def idle(c: Candidate, result: Smoothing) -> bool:
     Of couplings, which have no strength, nobody can say.
     """
     nothing = _nothing(c)
-    if c.signals:
+    if c.signals and not c.grows:
         ends = {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
         near = {path: NEARLY * abs(end) for path, end in ends.items()}
     else:
@@ -266,7 +267,7 @@ def idle(c: Candidate, result: Smoothing) -> bool:
 
 def _nothing(c: Candidate) -> dict[str, float]:
     """Parameter -> its value where there is no effect: a level that waves is there without it, and has no waves then."""
-    return {c.ratio: 0.0} if c.ratio else {n: c.neutral(n) for n in c.strengths}
+    return {c.ratio: 0.0} if c.ratio else {n: c.neutral(n) for n in c.strengths or c.grows[:1]}
 
 
 def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Explanation:

@@ -26,7 +26,7 @@ from .fits import Fits, Progress
 from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
-from .latent import Latent
+from .latent import Latent, without_force
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
@@ -94,10 +94,8 @@ def diagnose(
     if not first.solver.converged:
         notes.append(f"The model as it is did not come to rest ({first.solver.status.rstrip('.')}): what is told beside it is rough.")
     if isinstance(now.problem.weights, Latent):
-        notes.append(
-            f"The model as it is cannot follow its recordings: until something was found it had any force at {now.problem.weights.place}."
-        )
-    elif not now.settings.weigh:
+        notes.append(f"The model as it is did not come to rest without a force of any course at {now.problem.weights.place}.")
+    if not now.settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out, unseen = None, [r for r in recordings if r.role == "held_out"]
     say(f"{'proof' if search.standing.named else 'the model'} on what was held out")
@@ -140,7 +138,11 @@ def diagnose(
         before=first,
         after=without_offsets(search.result),
         repaired=replace(
-            search.problem, model=search.standing.model, parameters=own_of(search.problem), recordings=recordings, initial=problem.initial
+            without_force(search.problem),
+            model=search.standing.model,
+            parameters=own_of(search.problem),
+            recordings=recordings,
+            initial=problem.initial,
         ),
         held_out=held_out,
         undetectable=tuple(search.undetectable),

@@ -27,15 +27,14 @@ class Bare:
     model: Model
 
     def having(self, candidates: Sequence[Candidate], now: Problem, result: Smoothing) -> tuple[Problem, Model] | None:
-        """With these, their parameters as in a result; recordings, weights and offsets of the problem `now`.
+        """With these, their parameters as in a result; recordings and offsets of the problem `now`.
 
         None where one needs what is not there. What one of them brings stays where the result has it; no others' parameters are in the
         problem. One that stands on another one comes after it.
         """
         values = {p.name: p.value for p in result.parameters.values()}
         kept = {name: given for name, given in now.parameters.items() if name.startswith(PREFIX)}
-        problem, model = replace(self.problem, recordings=now.recordings, weights=now.weights), self.model
-        problem = replace(problem, parameters={**self.problem.parameters, **kept})
+        problem, model = replace(self.problem, recordings=now.recordings, parameters={**self.problem.parameters, **kept}), self.model
         waiting = list(candidates)
         while waiting:
             later = list[Candidate]()

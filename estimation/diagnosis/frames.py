@@ -18,6 +18,7 @@ from .candidates import Alike, Candidate, Exchange, Insert
 from .offsets import PREFIX
 from .places import free_name, neighbours, own_name
 
+WIDEST = 3.0  # times the drag across, at most, that a body has along z
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
 
@@ -114,7 +115,7 @@ def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Ca
             strengths=(f"{square}.c",),
             one_sided=True,
             shapes={f"{square}.share_z": (0.0, 1.0)},
-            start={f"{square}.share_z": (0.0, 0.0, np.inf)},
+            start={f"{square}.share_z": (0.0, 0.0, WIDEST)},
             named={"c": f"{square}.c", "share_z": f"{square}.share_z"},
         ),
         Candidate(

@@ -1,10 +1,10 @@
-"""A force without a name at one place, where the model as it is does not come to rest without it, or cannot follow its samples.
+"""A force without a name at one place, where the model as it is does not come to rest without it.
 
 An offset of a motor's voltage is seen in its current at once; where residual forces have the same share of the forces everywhere the
 string and the bit, which nobody sees, have to make up for it, and go astray. With a force that remembers at the place that strains
-(Ornstein-Uhlenbeck, as large as what is left over there) all else is found as if nothing were missing. It is no part of the model but a
-rival of what may be missing: what acts at that place, and whatever sensors and inputs do wrong, is fitted without it, all else beside it;
-where nothing takes its place it is the force that nobody explains.
+(Ornstein-Uhlenbeck, as large as what is left over there) all else is found as if nothing were missing. It is no part of the model but the
+rival of all that may be missing: that is scored where it led, and fitted from there, without it, and has to be better than it; where
+nothing is, it is the force that nobody explains.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ from ..results import Smoothing
 from ..smoothing.begun import force_stds
 from ..smoothing.horizons import sampling_interval
 from ..smoothing.unseen import moving_unseen
-from .candidates import SIGNALS, Candidate
 
 LASTING = 50.0  # sampling intervals that it remembers: noise of single samples is none of it
 STRAINS = 0.02  # of the forces at a place: with less left over than twice what all have room for it is not that place that strains
 MISREAD = 0.5  # of the forces: where more is left over columns may be others than the study says
-COSTS = 1.5  # squares per sample: with more a model strains
 MOST = 2  # places that are tried
 
 
@@ -49,13 +47,6 @@ def without_force(problem: Problem) -> Problem:
     return replace(problem, weights=problem.weights.given) if isinstance(problem.weights, Latent) else problem
 
 
-def instead(problem: Problem, c: Candidate) -> Problem:
-    """The problem that a candidate is put into: without the force that stands for what it may be."""
-    latent = problem.weights
-    stands = isinstance(latent, Latent) and (c.family in SIGNALS or c.place == latent.place)
-    return without_force(problem) if stands else problem
-
-
 def held_there(before: Problem, now: Problem) -> dict[str, float]:
     """Place -> std of a white force where a model had one that remembers, and has it no more."""
     latent = before.weights
@@ -70,11 +61,6 @@ def as_tight(problem: Problem, near: Smoothing, found: Smoothing) -> Problem:
     then, now = force_stds(near.solution), force_stds(found.solution)
     tighter = float(np.median([now[p] / then[p] for p in then.keys() & now.keys() - {latent.place}] or [1.0]))
     return replace(problem, weights=replace(latent, held=latent.held * tighter))
-
-
-def strained(near: Smoothing) -> bool:
-    """Whether a model costs far more than noise alone does: at the weights that it has it cannot follow its samples."""
-    return near.solution is not None and near.criteria is not None and 2 * near.solution.solved.cost > COSTS * near.criteria.samples
 
 
 def straining(problem: Problem, near: Smoothing, left: dict[str, float]) -> list[tuple[str, Problem]]:

@@ -31,7 +31,7 @@ from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import moving_unseen
 from .candidates import Candidate
 from .held import rescaled
-from .latent import held_there, instead, without_force
+from .latent import held_there, without_force
 from .offsets import counted_out, with_those_of
 from .screen import Screened
 from .worth import NONE, Worth
@@ -110,8 +110,8 @@ def comparable(problem: Problem, result: Smoothing) -> bool:
 
 
 def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[str, float]) -> tuple[Problem, Model]:
-    """The problem with a candidate in its model, instead of what stands for it (`latent.py`). start: parameter -> where it begins."""
-    problem, edited = instead(problem, candidate), candidate.edited(model)
+    """The problem with a candidate in its model, instead of a latent force (`latent.py`). start: parameter -> where it begins."""
+    problem, edited = without_force(problem), candidate.edited(model)
     parameters: dict[str, Free | float] = dict(problem.parameters)
     places = [name for name in problem.weights.W if name in {p.name for p in compile_model(edited).dormant_places}]
     dae = with_those_of(problem, compile_model(edited, places=places) if places else compile_model(edited))
@@ -179,8 +179,9 @@ def fitted(
     """
     try:
         now, edited = posed(problem, model, candidate, start)
-        there = None if anew else Begun.of(begin, now)
-        stood = held_there(problem, now)
+        there, stood = None if anew else Begun.of(begin, now), held_there(problem, now)
+        if there is not None and stood:
+            there = replace(there, force_std={**there.force_std, **stood})
         weighed = now if settings.weigh else with_weights_of(begin, now, stood)
         if candidate.dear:
             settings = replace(settings, finest=max(settings.finest, _fineness(problem, begin)))
@@ -276,7 +277,10 @@ def bared(problem: Problem, result: Smoothing) -> tuple[Problem, Solution]:
         return problem, solution
     plain = settled(plain, result)
     posed = with_weights_of(solution, plain, held_there(problem, plain))
-    there = smoothing(posed, settings=replace(HELD, options=THERE), begin=Begun.of(solution, posed)).solution
+    try:
+        there = smoothing(posed, settings=replace(HELD, options=THERE), begin=Begun.of(solution, posed)).solution
+    except (InputError, SolveError, ArithmeticError, np.linalg.LinAlgError):
+        there = None
     return (plain, there) if there is not None else (problem, solution)
 
 

@@ -12,8 +12,8 @@ from backsight.models import Model
 from ..results import Smoothing
 from ..smoothing.begun import followed_by
 from ..smoothing.rest import rounded_signs, sliding, strengths_at_rest
-from .candidates import SIGNALS, Candidate
-from .choice import amiss, clear, sound
+from .candidates import Candidate
+from .choice import SIGNALS, amiss, clear, sound
 from .findings import Judged, explained, fitted_strengths
 from .refit import Fitted
 from .screen import Screen, Screened

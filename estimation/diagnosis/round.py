@@ -57,7 +57,7 @@ class Best:
 
 @dataclass(kw_only=True)
 class Round:
-    """A model linearised where it came to rest, all candidates, their scores, and sizes of what is left.
+    """A model linearised where it came to rest, or where a latent force led, all candidates, their scores, and sizes of what is left.
 
     base: that model; bare: the first one; loose: as `Beside` has it, and least. fitted: candidates so far, and
     tried: what became of them.
@@ -82,13 +82,14 @@ class Round:
         linearised = Linearised(solution)
         candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
         looks = looked_at(problem, base.model, linearised, candidates)
+        found = screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs)
         return cls(
             base=base,
             bare=bare,
             fits=fits,
             linearised=linearised,
             candidates=candidates,
-            found=screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs),
+            found=found if problem is base.problem else found.beside_white,
             sizes=Sizes(problem, base.result, linearised),
             accepted=accepted,
             loose=loose,

@@ -84,6 +84,11 @@ class Screen:
     columns: tuple[tuple[int, ...], ...]
     shapes: Mapping[int, Sequence[Screened]] = field(default_factory=dict)
 
+    @property
+    def beside_white(self) -> Screen:
+        """The same with no inflation: of fits that are held against a force which takes all that is left over."""
+        return replace(self, found=tuple(replace(s, inflation=1.0) for s in self.found))
+
     def alike(self, a: Screened, b: Screened) -> float:
         """How well an effect of one can always stand for an effect of the other: cosine of the largest principal angle between them."""
         order = {id(s): k for k, s in enumerate(self.found[: len(self.columns)])}

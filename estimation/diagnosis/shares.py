@@ -37,7 +37,7 @@ class Sizes:
     """Rms forces at the places of a smoothed problem, and of what left-over forces and candidates make of them; how far outputs are off."""
 
     def __init__(self, problem: Problem, result: Smoothing, base: Linearised) -> None:
-        """base: of the result's solution."""
+        """base: of the result's solution, or where that led (`refit.bared`)."""
         self.base, self.solution, self.result = base, base.solution, result
         self.forces, self.varying = (_forces(problem, self.solution, varying=only) for only in (False, True))
         self.names = list(self.forces)

@@ -1,4 +1,4 @@
-"""A force without a name at the place that strains: what it is worth, what is fitted beside it and what instead of it."""
+"""A force without a name at the place that strains: where it is put, what is found with it, and what is fitted instead of it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from hidden_load import LOAD, MOTOR, STEP, STIFFNESS, posed
 from backsight.estimation.diagnosis.as_it_is import as_it_is
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.latent import LASTING, Latent, held_there, instead, straining, with_force, without_force
-from backsight.estimation.diagnosis.refit import HELD, fitted, settled
+from backsight.estimation.diagnosis.latent import LASTING, Latent, held_there, straining, with_force, without_force
+from backsight.estimation.diagnosis.refit import HELD, bared, fitted, settled
+from backsight.estimation.diagnosis.refit import posed as put_in
 from backsight.estimation.diagnosis.shares import left_over
 from backsight.estimation.smoothing.begun import force_stds
 from backsight.estimation.smoothing.smoother import smoothing
@@ -26,10 +27,6 @@ def offset():
     return replace(problem, recordings=[replace(r, inputs={"tau": r.inputs["tau"] - OFFSET}) for r in problem.recordings])
 
 
-def candidate(place: str, family: str, physics: str) -> Candidate:
-    return Candidate(place=place, family=family, physics=physics)
-
-
 def test_it_remembers_for_some_samples_and_is_gone_without_a_trace():
     problem = posed(0.0)
     with_one = with_force(problem, "motor", 0.3, 0.01)
@@ -40,21 +37,12 @@ def test_it_remembers_for_some_samples_and_is_gone_without_a_trace():
     assert without_force(problem) is problem
 
 
-@pytest.mark.parametrize(
-    ("c", "stays"),
-    [
-        (candidate("motor", "friction", "coulomb_friction"), False),
-        (candidate("sensor:phi", "sensor", "sensor_gain"), False),
-        (candidate("input:tau", "actuator", "input_offset"), False),
-        (candidate("load", "friction", "coulomb_friction"), True),
-        (candidate("shaft", "parameter", "wrong_parameter"), True),
-    ],
-)
-def test_what_may_be_that_force_is_fitted_instead_of_it(c, stays):
+def test_all_that_may_be_missing_is_put_in_instead_of_it():
     with_one = with_force(posed(0.0), "motor", 0.3, 0.01)
-    now = instead(with_one, c)
-    assert isinstance(now.weights, Latent) is stays
-    assert held_there(with_one, now) == ({} if stays else {"motor": 0.01})
+    brake = Candidate(place="load", family="inertia", physics="wrong_parameter", strengths=("motor.J",))
+    now, _ = put_in(with_one, with_one.model, brake, {})
+    assert not isinstance(now.weights, Latent)
+    assert held_there(with_one, now) == {"motor": 0.01}
     assert held_there(with_one, with_one) == {}
 
 
@@ -88,6 +76,11 @@ def test_a_model_that_comes_to_rest_only_with_it_has_its_numbers(tmp_path):
     assert np.mean(force) == pytest.approx(OFFSET, rel=0.05)
     for name, true in (("motor.J", MOTOR), ("load.J", LOAD), ("shaft.k", STIFFNESS)):
         assert found.result.parameters[name].value == pytest.approx(true, rel=0.1)
+
+    plain, there = bared(found.problem, found.result)
+    assert plain.weights == problem.weights
+    assert there.transcription.dae.states == problem.posed.dae.states
+    assert there.parameters == pytest.approx(found.result.solution.parameters)
 
     torque = Candidate(place="motor", family="external", physics="constant_force", start={"motor.J": (MOTOR, 0.0, np.inf)})
     instead_of_it = fitted(settled(found.problem, found.result), problem.model, found.result.solution, torque, {}, HELD)
