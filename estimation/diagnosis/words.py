@@ -61,7 +61,7 @@ def _verdict(found: Diagnosis) -> str:
 
 def _where(nameless: Explanation) -> str:
     """The place of a force without a name, and which of its balances."""
-    balances = [word for word in nameless.parameters if word != "rms"]
+    balances = [word for word in nameless.parameters if word != "rms"] if nameless.physics == UNKNOWN else []
     return f"{nameless.place} ({listed(balances)})" if balances else nameless.place
 
 

@@ -225,6 +225,9 @@ def test_every_verdict_is_one_sentence():
     assert "would explain it where it was fitted alone" in sentence(refuted)
     assert said("unknown_physics") == "Something is missing at carriage that no member of the library explains."
     elsewhere = (Explanation(place="screw", family="unknown", physics="unknown_physics"),)
+    torque = {"tau_x": Strength(value=0.0016, std=None, unit="N.m")}
+    rolled = Explanation(place="body", family="unknown", physics="unknown_physics", parameters=torque)
+    assert said("unknown_physics", explanation=rolled).startswith("Something is missing at body (tau_x) that no member")
     assert said("unknown_physics", rivals=elsewhere) == "Something is missing at carriage or screw that no member of the library explains."
     assert sentence(replace(diagnosis(), verdict="none", findings=(), held_out=None)).startswith("Nothing is missing")
     with_proof = sentence(diagnosis())

@@ -21,8 +21,9 @@ from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import Screen, screen
 from backsight.estimation.diagnosis.shares import Sizes
 from backsight.estimation.diagnosis.supermodel import looked_at
-from backsight.estimation.diagnosis.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.verdict import Explanation, Finding, Strength
 from backsight.estimation.results import ParameterEstimate, ResidualSummary
+from backsight.models import compile_model
 from backsight.models.plants import PLANTS
 
 
@@ -37,6 +38,17 @@ def drilled(*recorded: tuple[str, ...]) -> Problem:
 
 
 BOTH, SPEED, CURRENT = ("I_m", "Omega_r"), ("Omega_r",), ("I_m",)
+
+
+def test_an_unknown_force_on_a_body_with_several_balances_is_told_by_the_body_and_the_one_where_it_is():
+    left = ResidualSummary(place="body.tau_x", unit="N.m", rms=0.4, origin="")
+    result = SimpleNamespace(residual_places={"body.tau_x": left}, estimates={})
+    problem = SimpleNamespace(dae=compile_model(PLANTS["quadrotor"]()), recordings=[SimpleNamespace(outputs=("p", "q", "r"))])
+    found = nameless("body.tau_x", 0.2, result, [], problem)
+    assert found.explanation.place == "body"
+    assert found.explanation.parameters == {"tau_x": Strength(value=0.4, std=None, unit="N.m")}
+    assert "body" not in {r.place for r in found.rivals}
+    assert all("." not in r.place for r in found.rivals)
 
 
 @pytest.mark.parametrize(
