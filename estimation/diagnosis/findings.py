@@ -87,11 +87,14 @@ def _chance(found: Screen, s: Screened, f: Fitted) -> float:
 
 
 def _left_open(best: Judged, other: Judged) -> bool:
-    """Whether nothing speaks against another candidate: its fit did not come to rest, and by the scores it explains as much."""
-    (c, s, _), (d, there, g) = best, other
+    """Whether nothing speaks against another candidate: its fit did not come to rest, and by the scores it explains as much.
+
+    Not where the best one's fit gained far more than that score.
+    """
+    (c, s, f), (d, there, g) = best, other
     if s is None or there is None or np.isfinite(g.gain):
         return False
-    return d.size <= c.size and there.gain >= AS_MUCH * s.gain
+    return d.size <= c.size and there.gain >= AS_MUCH * s.gain and not f.gain > FAR * there.gain
 
 
 def fitted_strengths(c: Candidate, result: Smoothing) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
