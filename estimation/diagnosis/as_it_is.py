@@ -45,10 +45,10 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
     the parameters. There, and where the data's own weights do not come to rest, forces have a share of the balances at first. Where these
-    do not come to rest a force without a name is tried at the places that strain (`latent.py`); and where
-    that does not help their parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and
-    where they do not come to rest from there either, where the held ones were left. A model that does not come to rest in any way is taken
-    as it was left with held ones: what it lacks may be what keeps it from that.
+    do not come to rest a force without a name is tried at the places that strain (`latent.py`); and where that does not help their
+    parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and where they do not come to
+    rest from there either, where the held ones were left. A model that does not come to rest in any way is taken as it was left with held
+    ones: what it lacks may be what keeps it from that.
     end: on the clock of `time.time`, by which it should be there. asking: whether one that explains nothing has its columns doubted.
     """
 

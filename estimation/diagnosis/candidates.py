@@ -181,6 +181,11 @@ class Candidate:
     grows: tuple[str, ...] = ()
 
     @property
+    def all_shape(self) -> bool:
+        """Whether it is looked at as a signal that is there as a whole, whatever its numbers: none of them is a factor on it."""
+        return bool(self.signals) and not self.grows
+
+    @property
     def rank(self) -> int:
         """Place of its family in the order of explanations; a mass that the study says is nothing is a parameter of it that is wrong."""
         if self.stated:

@@ -37,8 +37,8 @@ NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
 WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however little of the forces that is
-SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
+SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
 
 
@@ -252,7 +252,7 @@ def idle(c: Candidate, result: Smoothing) -> bool:
     Of couplings, which have no strength, nobody can say.
     """
     nothing = _nothing(c)
-    if c.signals and not c.grows:
+    if c.all_shape:
         ends = {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
         near = {path: NEARLY * abs(end) for path, end in ends.items()}
     else:

@@ -118,7 +118,7 @@ def _separates(base: Linearised, best: Judged, near: Sequence[Screened | None]) 
     if s is None or f.result is None or len(rivals) < len(near):
         return ""
     states = measurable(base.solution.transcription.dae)
-    return separating(base, s, rivals, states, None if c.signals and not c.grows else fitted_strengths(c, f.result))
+    return separating(base, s, rivals, states, None if c.all_shape else fitted_strengths(c, f.result))
 
 
 def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Finding:

@@ -110,7 +110,7 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
     path, there = alone
     if amiss(c, [f.result.parameters[path].value - c.neutral(path)]):
         return False
-    share = max(sizes.shares(s.look, np.ones(1) if c.signals and not c.grows else s.estimate).values(), default=0.0)
+    share = max(sizes.shares(s.look, np.ones(1) if c.all_shape else s.estimate).values(), default=0.0)
     return 0.0 < share * abs(f.result.parameters[path].value - c.neutral(path)) < FLOOR * abs(there)
 
 

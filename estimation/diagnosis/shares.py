@@ -133,8 +133,7 @@ def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list
         if c.key in skipped or c.onset is not None or not (c.signals or c.strengths):
             continue
         shapes = [replace(one, inflation=s.inflation) for one in found.shapes.get(id(c), (s,))]
-        shaped = c.signals and not c.grows
-        path, strength = _of_signal(shapes, sizes, deviations) if shaped else _of_strength(shapes, sizes, deviations)
+        path, strength = _of_signal(shapes, sizes, deviations) if c.all_shape else _of_strength(shapes, sizes, deviations)
         word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
         unit = c.unit(model, path, sizes.result.units)
         told = Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=unit)
