@@ -18,7 +18,7 @@ from ..problem import Problem
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
 GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
-STIFFNESS = "N/m"
+STIFFNESS = {"N/m", "N.m/rad"}
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -38,11 +38,11 @@ def forces(
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
-    between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
-    weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
-    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. net: neither do lengths
-    that a spring's stiffness multiplies, nor angles and numbers: the thrusts of four rotors, times how these are turned, leave next to
-    nothing that turns the body.
+    between two bodies that turn bears its stiffness times its twist, and not times either angle; nor does a length or a ratio count that
+    its stiffness multiplies: the radius of a drum, beside its angle, stands in the force of a rope that is hardly stretched. varying:
+    without their means, so that a weight that hangs in the air is nothing. borne: no more than is surely borne; no length or ratio counts
+    where its term hangs on positions. net: neither do angles and numbers: the thrusts of four rotors, times how these are turned, leave
+    next to nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -65,15 +65,14 @@ def forces(
 
 
 def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
-    """The parameters; borne: without the lengths and ratios that enter F times positions; net: without directions, nor stretched ones."""
+    """The parameters but lengths and ratios that springs multiply; borne: or positions; net: without directions."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
-    springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
+    springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit in STIFFNESS))
 
     def geometric(i: int, unit: str) -> bool:
         if net and unit in DIRECTIONS:
             return True
-        by = springs if net else positions
-        return (borne or net) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
+        return unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions if borne else springs))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 
