@@ -53,8 +53,8 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
     """All of them for a model. values: of its parameters."""
     found = list[Candidate]()
     for name, component in model.components.items():
-        if isinstance(component, planar.World) and not component.parameters["tilt"]:
-            found.append(_tilted(name))
+        if isinstance(component, planar.World):
+            found.append(_leaning(name, values) if values.get(f"{name}.tilt", component.parameters["tilt"]) else _tilted(name))
         if isinstance(component, planar.RigidBody):
             found += _beside(name, component, values)
         if isinstance(component, spatial.RigidBody):
@@ -72,6 +72,20 @@ def _tilted(world: str) -> Candidate:
         quadrature=f"{world}.direction",
         start={f"{world}.direction": (-np.pi / 2, -4 * np.pi, 4 * np.pi)},
         named={"tilt": f"{world}.tilt", "direction": f"{world}.direction"},
+    )
+
+
+def _leaning(world: str, values: Mapping[str, float]) -> Candidate:
+    """Gravity that points another way in a plane that is not horizontal: a rail that is not level pulls along itself."""
+    path = f"{world}.direction"
+    direction = values.get(path, -np.pi / 2)
+    return Candidate(
+        place=world,
+        family="potential",
+        physics="gravity",
+        strengths=(path,),
+        start={path: (direction, direction - np.pi, direction + np.pi)},
+        named={"direction": path},
     )
 
 

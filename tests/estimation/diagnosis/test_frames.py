@@ -12,7 +12,7 @@ from backsight.estimation import Known, Problem, Recording
 from backsight.estimation.diagnosis.frames import of_frames, with_heading
 from backsight.models import Model, compile_model
 from backsight.models.mechanics import spatial
-from backsight.models.mechanics.planar import FrameFixed, MomentBody, Revolute, World
+from backsight.models.mechanics.planar import Body, FrameFixed, MomentBody, Prismatic, Revolute, World
 from backsight.models.plants import PLANTS, quadrotor, xy_table
 from backsight.models.quadratures import without_ignorable
 
@@ -156,6 +156,23 @@ def test_a_tilted_plane_pulls_along_its_direction():
     assert np.linalg.norm(x) > 0
     assert effect(0.8) == pytest.approx(np.cos(0.8) * x + np.sin(0.8) * y, rel=1e-4, abs=1e-6 * np.abs(x).max())
     assert effect(0.8 + np.pi) == pytest.approx(-effect(0.8), rel=1e-4, abs=1e-6 * np.abs(x).max())
+
+
+def test_a_rail_that_is_not_level_pulls_as_the_weight_along_it_does():
+    """18 kg on a rail in a vertical plane, which leans by .02 rad."""
+    model = Model(
+        name="trolley",
+        components={"world": World(tilt=np.pi / 2), "base": FrameFixed(), "rail": Prismatic(), "body": Body(m=18.0)},
+        connections=(("base.frame", "rail.frame_a"), ("rail.frame_b", "body.frame")),
+        outputs={"way": "rail.s"},
+    )
+    c = by_name(model)["world", "gravity"]
+    (path,) = c.strengths
+    assert c.neutral(path) == pytest.approx(-np.pi / 2)
+    base = compile_model(model)
+    force = np.concatenate(Point(base).told(base, {path: c.neutral(path) + 0.02})) - np.concatenate(Point(base).told())
+    assert np.abs(force).max() == pytest.approx(18.0 * 9.81 * np.sin(0.02), rel=1e-9)
+    assert "tilt" not in c.named
 
 
 def arm(**moments: float) -> Model:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -118,6 +118,21 @@ def test_a_signal_cannot_be_other_than_it_is_with_a_negative_share():
     against, along = (screen(regression(3, sign * 3 * S[:, 0]), [look(S, signals=(signal,))]).found[0] for sign in (1, -1))
     assert against.gain == 0
     assert along.gain > 20
+
+
+def test_of_what_is_all_shape_the_one_is_kept_that_is_as_large_as_it_is_and_not_one_that_had_to_be_five_times_as_large():
+    """A short delay does to an input that is mostly noise what a long one does, but for its size."""
+    rng = np.random.default_rng(4)
+    true = 3 * rng.standard_normal((ROWS, 1))
+    base = regression(3, -true[:, 0])
+    nearly = true + 0.3 * rng.standard_normal((ROWS, 1))
+    signal = Signal(of=("input:u",), changed=lambda _, values: values, start={"u.delay": 1.0})
+    whole = Candidate(place="p", family="friction", physics="input_delay", signals=(signal,))
+    kept, growing = (screen(base, [look(true / 5, c), look(nearly, c)]).found[0] for c in (whole, replace(whole, grows=("u.delay",))))
+    fifth, other = (screen(base, [look(columns, whole)]).found[0].gain for columns in (true / 5, nearly))
+    assert fifth > other
+    assert np.array_equal(kept.look.columns.squares, nearly)
+    assert np.array_equal(growing.look.columns.squares, true / 5)
 
 
 def test_the_chance_of_a_gain_is_an_upper_limit_and_near_to_what_draws_give():
