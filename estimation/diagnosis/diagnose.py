@@ -27,6 +27,7 @@ from .frames import with_heading
 from .hold import with_better_hold
 from .keep import Keep
 from .latent import Latent, without_force
+from .left_over import NAMELESS
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
@@ -34,7 +35,7 @@ from .search import Search
 from .sizes_known import with_sizes_known
 from .standing import Standing
 from .verdict import Diagnosis
-from .words import CONTRADICTED, withdrawn
+from .words import CONTRADICTED, UNPROVED, withdrawn
 
 OF_BASE = 0.6  # of the search's time, that the model as it is may take
 SEARCH = 840.0  # s, from the beginning to the end of the search
@@ -130,6 +131,9 @@ def diagnose(
         else:
             notes.append(CONTRADICTED)
             verdict = verdict if verdict == "unknown_physics" else "undecided"
+    elif held_out is not None and held_out.improvement_percent < 0 and search.most_left > NAMELESS and verdict != "unknown_physics":
+        notes.append(UNPROVED)
+        verdict = "undecided"
     if verdict == "none" and not first.solver.converged:
         verdict = "undecided"
     return Diagnosis(

@@ -18,7 +18,7 @@ from .findings import Judged, explained, fitted_strengths
 from .refit import Fitted
 from .screen import Screen, Screened
 from .shares import FLOOR, Sizes, leaves_more
-from .verdict import Finding, Tried
+from .verdict import TOO_SMALL, Finding, Tried
 
 DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less mends its model
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
@@ -49,7 +49,7 @@ def why_not(c: Candidate, s: Screened | None, f: Fitted, beside: Beside) -> str:
     if not sound(c, f):
         return "its strength is not told, or none that it can have"
     if slight(c, s, f, sizes):
-        return "too small to matter"
+        return TOO_SMALL
     if c.place in beside.loose and f.gain < beside.least:
         return "a detail of the coupling that was found: no model of one is exact"
     if refining(c, s, f, before, sizes, beside.found):

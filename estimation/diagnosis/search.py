@@ -89,6 +89,11 @@ class Search:
         """Its smoothing."""
         return self.standing.result
 
+    @property
+    def most_left(self) -> float:
+        """The largest share of the forces at a place that is left over."""
+        return max(self._sizes.left.values(), default=0.0)
+
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
 

@@ -108,6 +108,9 @@ class Undetectable:
     unit: str
 
 
+TOO_SMALL = "too small to matter"  # why an effect was refused that does less than what matters
+
+
 @dataclass(frozen=True, kw_only=True)
 class Tried:
     """A candidate that was fitted.

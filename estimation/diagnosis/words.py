@@ -6,15 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 
 from ..wording import listed, measured, probability
-from .verdict import EVERYWHERE, Diagnosis, Explanation, Finding, HeldOut, Strength
+from .verdict import EVERYWHERE, TOO_SMALL, Diagnosis, Explanation, Finding, HeldOut, Strength, Tried
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
+UNPROVED = "What was held out is predicted no better with the repair, and much is left over beside it: it may stand for something else."
 KINDS = {
     "parameter": "A given value is wrong:",
     "sensor": "A sensor does not read what the model supposes:",
     "actuator": "An input does not act as it was recorded:",
 }  # family -> how what was found is said
 LEFT_OUT = "The model leaves out"
+STANDING_OUT = 10.0  # nats, of an effect that is too small to matter: with as much it is told of, for it is there
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 
@@ -40,6 +42,8 @@ def _verdict(found: Diagnosis) -> str:
     names = [named(f.explanation) for f in found.findings]
     if found.verdict == "none" or not names:
         if found.verdict in ("none", "parameter", "sensor", "input", "missing_physics"):
+            if small := _small(found.tried):
+                return f"Nothing that matters is missing: what stands out, {named(small)}, is less than 1 % of what acts there."
             return "Nothing is missing: no effect in the library stands out of these recordings."
         return "Something is missing, and these recordings do not tell what."
     match found.verdict:
@@ -57,6 +61,12 @@ def _verdict(found: Diagnosis) -> str:
             rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
             return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."
     return " ".join(_clauses(found.findings))
+
+
+def _small(tried: Sequence[Tried]) -> Explanation | None:
+    """The effect with most evidence of those that were refused for their size."""
+    there = {t.fitted: t.explanation for t in tried if t.refused == TOO_SMALL and t.fitted is not None and t.fitted > STANDING_OUT}
+    return there[max(there)] if there else None
 
 
 def _where(nameless: Explanation) -> str:

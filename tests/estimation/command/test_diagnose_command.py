@@ -17,7 +17,8 @@ from backsight.estimation import Problem
 from backsight.estimation import diagnosis as package
 from backsight.estimation.command.cli import main
 from backsight.estimation.command.diagnosis_json import result_of_diagnosis
-from backsight.estimation.diagnosis import Diagnosis, Explanation, Strength
+from backsight.estimation.diagnosis import Diagnosis, Explanation, Strength, Tried
+from backsight.estimation.diagnosis.verdict import TOO_SMALL
 from backsight.estimation.diagnosis.words import sentence, with_deviation
 from backsight.models import InputError
 
@@ -230,6 +231,15 @@ def test_every_verdict_is_one_sentence():
     assert said("unknown_physics", explanation=rolled).startswith("Something is missing at body (tau_x) that no member")
     assert said("unknown_physics", rivals=elsewhere) == "Something is missing at carriage or screw that no member of the library explains."
     assert sentence(replace(diagnosis(), verdict="none", findings=(), held_out=None)).startswith("Nothing is missing")
+    clean = replace(diagnosis(), verdict="none", findings=(), held_out=None)
+    d = {"d": Strength(value=0.25, std=0.01, unit="N.m.s/rad")}
+    slight = Explanation(place="hook", family="friction", physics="viscous_friction", parameters=d)
+    fainter, clear = (Tried(explanation=slight, predicted=99.0, fitted=gain, refused=TOO_SMALL) for gain in (9.0, 11.0))
+    assert sentence(replace(clean, tried=(*clean.tried, fainter))).startswith("Nothing is missing")
+    assert sentence(replace(clean, tried=(fainter, clear, *clean.tried))) == (
+        "Nothing that matters is missing: what stands out, viscous friction at hook (d = 0.250 ± 0.010 N.m.s/rad), "
+        "is less than 1 % of what acts there."
+    )
     with_proof = sentence(diagnosis())
     assert "On held.csv, which the fit has not seen, prediction errors are 75 % smaller with it (p = 0.001)." in with_proof
 
