@@ -74,7 +74,7 @@ def run_simulate(path: Path, options: Options, estimates: Path | None = None) ->
     with results_folder(out) as folder, _progress(options) as say:
         answer = simulate_study(study, estimated, jobs=options.jobs, scheduler=options.scheduler, progress=say)
         say("writing the report")
-        result = result_of_simulation(answer, study.dae)
+        result = result_of_simulation(answer, study.dae, {r.name: r.role for r in study.recordings})
         write_result(result, folder / "result.json")
         write_estimates(answer.estimates, folder / "estimates.csv")
         listed = {name: (p["value"], p["unit"]) for name, p in result["parameters"].items()}

@@ -171,8 +171,11 @@ def repaired_model(folder: Path) -> str | None:
     return None
 
 
-def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
-    """The content of result.json for `simulate`: nothing is estimated, so every parameter is fixed and has no deviation."""
+def result_of_simulation(answer: Simulation, dae: Dae, roles: Mapping[str, str]) -> dict[str, Any]:
+    """The content of result.json for `simulate`: nothing is estimated, so every parameter is fixed and has no deviation.
+
+    roles: recording -> fit or held_out, as the study says.
+    """
     units = {p.name: p.unit for p in dae.parameters}
     return {
         "command": "simulate",
@@ -183,7 +186,7 @@ def result_of_simulation(answer: Simulation, dae: Dae) -> dict[str, Any]:
             for name, value in answer.parameters.items()
         },
         "weights": {"W": {}, "V": {}},
-        "fit": _fit(answer.fit),
+        "fit": {name: one for name, fit in answer.fit.items() for one in _fit({name: fit}, roles[name]).values()},
         "solver": {
             "status": "integrated to the end of every recording",
             "iterations": 0,

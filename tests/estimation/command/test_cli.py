@@ -527,6 +527,9 @@ def test_what_is_held_out_is_predicted_in_result_json_and_in_the_report(folder, 
     fit = json.loads(Path("out/result.json").read_text())["fit"]
     assert fit["record.csv"]["x"]["role"] == "fit"
     assert fit["other.csv"]["x"]["role"] == "held_out"
+    assert main(["simulate", "study.toml", "--out", "simulated", "--quiet"]) == 0
+    simulated = json.loads(Path("simulated/result.json").read_text())["fit"]
+    assert [simulated[name]["x"]["role"] for name in ("record.csv", "other.csv")] == ["fit", "held_out"]
     assert fit["other.csv"]["x"]["rms"] < 1e-4
     assert fit["other.csv"]["x"]["fit_percent"] > 99
     assert fit["other.csv"]["x"]["window_rms"] == pytest.approx(1e-5, rel=0.5)
