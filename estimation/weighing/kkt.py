@@ -22,6 +22,7 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, onenormest, splu
 from backsight.models import SolveError
 from backsight.ocp import Solution
 from backsight.ocp.bordered import arrange
+from backsight.ocp.subnormal import flushed
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
@@ -66,7 +67,8 @@ class Kkt:
     def solved(self, right: Array) -> Array:
         """K^-1 of columns that have rows for the multipliers too."""
         found = np.empty(right.shape)
-        inside = self._band.solve(right[self.inner])
+        with flushed():
+            inside = self._band.solve(right[self.inner])
         found[self.border] = self._corner @ (right[self.border] - self._edge.T @ inside)
         found[self.inner] = inside - self._across @ found[self.border]
         return found
@@ -74,7 +76,8 @@ class Kkt:
     @cached_property
     def _band(self) -> SuperLU:
         band = sp.csc_matrix(self.matrix[self.inner][:, self.inner])
-        return splu(band, permc_spec="NATURAL")
+        with flushed():
+            return splu(band, permc_spec="NATURAL")
 
     @cached_property
     def _edge(self) -> sp.csc_matrix:
@@ -82,7 +85,8 @@ class Kkt:
 
     @cached_property
     def _across(self) -> Array:
-        return np.asarray(self._band.solve(self._edge.toarray()))
+        with flushed():
+            return np.asarray(self._band.solve(self._edge.toarray()))
 
     @cached_property
     def _corner(self) -> Array:
