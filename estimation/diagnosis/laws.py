@@ -60,7 +60,8 @@ class Law:
     make: kind -> component without effect. strengths, shapes, ...: as in `Candidate`, by the component's own words: "f_c" stands
     for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths; instead: class of a component that
     was a candidate itself -> its word, and the own strength. carrier: (physics, word) of the law whose force waves. larger: which of two
-    strengths is the larger one. there: (kind of place, motion) -> whether there may be such a thing.
+    strengths is the larger one. later: what comes free, from nothing, once it is in the model. there: (kind of place, motion) -> whether
+    there may be such a thing.
     """
 
     family: str
@@ -75,6 +76,7 @@ class Law:
     ratio: str | None = None
     carrier: tuple[str, str] | None = None
     larger: tuple[str, str] | None = None
+    later: tuple[str, ...] = ()
     label: str = ""
     there: Callable[[str, Motion], bool] = field(default=lambda _kind, _motion: True)
 
@@ -189,6 +191,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         make=_component("EndStop", "RotationalEndStop", k=SOFT),
         strengths=("k",),
         shapes=lambda m: {"x": _stops(m, m.high, m.low)},
+        later=("d",),
     ),
     Law(
         family="potential",
@@ -196,6 +199,7 @@ AGAINST_GROUND: tuple[Law, ...] = (
         make=_component("LowerEndStop", "RotationalLowerEndStop", k=SOFT),
         strengths=("k",),
         shapes=lambda m: {"x": _stops(m, m.low, m.high)},
+        later=("d",),
         label="lower_end_stop",
     ),
     Law(family="fluid", physics="quadratic_drag", make=_component("Drag", "RotationalDrag"), strengths=("c",)),
@@ -259,6 +263,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collecti
         ratio=f"{name}.{law.ratio}" if law.ratio else None,
         wave=_wave(law, spot),
         larger=(f"{name}.{own[law.larger[0]]}", f"{name}.{own[law.larger[1]]}") if law.larger else None,
+        later={f"{name}.{w}": (0.0, 0.0, inf) for w in law.later},
         named={NAMES.get(w, w): f"{name}.{w}" for w in said},
     )
 

@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from concealed_axis import posed, run
+from diagnoses import runs
 from screened import screened
 
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis.candidates import Candidate
 from backsight.estimation.diagnosis.chance import Chance
-from backsight.estimation.diagnosis.findings import _chance, finding, nameless, verdict
+from backsight.estimation.diagnosis.findings import _chance, explained, finding, nameless, verdict
 from backsight.estimation.diagnosis.library import library
 from backsight.estimation.diagnosis.refit import Fitted, fitted
 from backsight.estimation.diagnosis.score import Linearised
@@ -107,6 +108,13 @@ def test_two_parameters_of_one_component_may_be_wrong_and_each_is_named(lacks, t
     assert found.explanation.words == "wrong parameter gear.ratio"
     assert [e.words for e in found.rivals] == ["wrong parameter gear.J"] * (not told)
     assert [e.words for e in found.alternatives] == ["wrong parameter gear.J"] * told
+
+
+def test_what_came_free_once_it_was_kept_is_among_its_numbers():
+    _, before, _, after = runs()
+    c = Candidate(place="carriage", family="friction", physics="x", named={"d": "friction.d"}, later={"friction.f_c": (0.0, 0.0, np.inf)})
+    assert set(explained(c, before).parameters) == {"d"}
+    assert explained(c, after).parameters["f_c"].value == after.parameters["friction.f_c"].value
 
 
 @pytest.mark.parametrize(("share", "fitted_more", "open_"), [(0.95, 1.0, True), (0.5, 1.0, False), (0.95, 3.0, False)])

@@ -257,4 +257,6 @@ def test_a_weight_takes_the_place_of_a_spring_that_was_found_and_of_none_that_th
     assert not of_law(weight, sprung, spot, WIDE).absorbs
     stop = of_law(next(law for law in AGAINST_GROUND if law.physics == "end_stop"), model, spot, WIDE)
     (stopping,) = {path.partition(".")[0] for path in stop.strengths}
+    assert stop.later == {f"{stopping}.d": (0.0, 0.0, np.inf)}
+    assert f"{stopping}.d" not in {*stop.strengths, *stop.start, *stop.named.values()}  # sought without it
     assert not of_law(weight, stop.edited(model), spot, WIDE, {stopping}).absorbs
