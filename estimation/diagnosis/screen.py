@@ -64,7 +64,7 @@ class Screened:
         return self.gain / self.inflation
 
     @property
-    def as_it_is(self) -> float:
+    def shape_gain(self) -> float:
         """What tells one shape from others [nats]: the gain, of what is all shape with a strength of one.
 
         A delay a fifth as long, and five times as strong, gains as much where it is but noise of the input that it moves.
@@ -125,7 +125,7 @@ def screen(
             most = np.maximum(most, gained)
             freedoms[found.freedom] += 1
             key = (True, id(look.whole)) if look.whole else (False, id(look.candidate))
-            if key not in best or found.as_it_is > best[key].as_it_is:
+            if key not in best or found.shape_gain > best[key].shape_gain:
                 best[key] = found
     ordered = tuple(sorted(_inflated(base, _set_in(best), threads), key=lambda s: (-_adjusted(s), s.candidate.rank)))
     close, first, columns = ordered[:CLOSE], 0, list[tuple[int, ...]]()
