@@ -7,9 +7,7 @@ import time
 from dataclasses import dataclass, replace
 from functools import partial
 
-from numpy.linalg import LinAlgError
-
-from backsight.models.errors import InputError, SolveError
+from backsight.models.errors import InputError
 
 from ..problem import Problem
 from ..results import Smoothing
@@ -21,7 +19,7 @@ from .fits import Progress
 from .keep import Keep
 from .latent import as_tight, straining
 from .misread import Reading, idle, lost, misread
-from .refit import HELD, PATIENT, QUICKLY, comparable
+from .refit import FAILURES, HELD, PATIENT, QUICKLY, comparable
 from .shares import left_over
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
@@ -67,7 +65,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
     for place, posed in straining(problem, near, left_over(problem, near)) if near is not None else ():
         try:
             found = smoothed(f", with a force at {place}", replace(held, options=ROUGHLY), posed=posed)
-        except (SolveError, InputError, ArithmeticError, LinAlgError):
+        except FAILURES:
             continue
         if near is not None and found is not None and found.solver.converged:
             return AsItIs(problem=as_tight(posed, near, found), result=found, settings=HELD)
@@ -107,7 +105,7 @@ def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end
         way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
         try:
             return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, read(problem), settings=way))
-        except (SolveError, InputError, ArithmeticError, LinAlgError):
+        except FAILURES:
             return None
 
     return misread(problem, result, smoothed)

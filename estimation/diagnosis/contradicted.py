@@ -8,14 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
-from backsight.models import SolveError
-from backsight.models.errors import InputError
-
 from ..wording import probability
 from .predictor import Predictor
 from .proof import Case, Proof
+from .refit import FAILURES
 from .search import Search
 from .standing import FEW
 from .verdict import Finding, HeldOut
@@ -40,7 +36,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
                 continue
             other = proof.predictor(case((without.problem, without.result)), f"the model without {finding.explanation.words}", whole)
             held_out = proof.compared(other, whole)
-        except (SolveError, InputError, ArithmeticError, np.linalg.LinAlgError):
+        except FAILURES:
             continue
         if held_out.refuting:
             said.append(_words(finding, held_out))

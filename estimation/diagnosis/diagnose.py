@@ -11,10 +11,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from numpy.linalg import LinAlgError
-
 from backsight.models import Model
-from backsight.models.errors import InputError, SolveError
+from backsight.models.errors import InputError
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
@@ -31,6 +29,7 @@ from .left_over import NAMELESS
 from .mismatch import mismatches
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
+from .refit import FAILURES
 from .search import Search
 from .sizes_known import with_sizes_known
 from .standing import Standing
@@ -121,7 +120,7 @@ def diagnose(
             held_out = proof.compared(base, repaired)
         elif unseen:
             held_out = proof.compared(base, base).unrepaired
-    except (SolveError, InputError, ArithmeticError, LinAlgError) as error:
+    except FAILURES as error:
         notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
         if search.standing.faint:

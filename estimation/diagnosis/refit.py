@@ -39,6 +39,7 @@ from .worth import NONE, Worth
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 
+FAILURES = (InputError, SolveError, ArithmeticError, np.linalg.LinAlgError)  # of a smoothing whose model may be wrong
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
 ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it, at most
 HOLDING = ("coulomb_friction", "stribeck_friction")
@@ -200,7 +201,7 @@ def fitted(
             again = smoothing(settled(weighed, result), settings=wider, begin=there)
             again = _gone_on(weighed, again, wider, 1)
             result = again if again.solver.converged else result
-    except (InputError, ModelError, SolveError, ArithmeticError, np.linalg.LinAlgError, RuntimeError) as error:  # one candidate of many
+    except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=True)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
@@ -279,7 +280,7 @@ def bared(problem: Problem, result: Smoothing) -> tuple[Problem, Solution]:
     posed = with_weights_of(solution, plain, held_there(problem, plain))
     try:
         there = smoothing(posed, settings=replace(HELD, options=THERE), begin=Begun.of(solution, posed)).solution
-    except (InputError, SolveError, ArithmeticError, np.linalg.LinAlgError):
+    except FAILURES:
         there = None
     return (plain, there) if there is not None else (problem, solution)
 
