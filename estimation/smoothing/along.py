@@ -18,7 +18,7 @@ from ..problem import Problem
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
 GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
-STIFFNESS = {"N/m", "N.m/rad"}
+STIFFNESS = {"N/m"}
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 

@@ -15,7 +15,7 @@ from backsight.estimation.smoothing.begun import followed_by
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
 from backsight.models import Model
-from backsight.models.mechanics.rotational import AngleSensor, Gear, Inertia, Rack, RotationalSpringDamper, Torque
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, Torque
 from backsight.models.mechanics.translational import Mass, PositionSensor, SpringDamper
 from backsight.models.plants import actuator, quadrotor
 
@@ -104,30 +104,6 @@ def test_a_belt_behind_a_wheel_bears_what_it_is_stretched_and_not_its_stiffness_
     for how in ({}, {"borne": True}, {"net": True}):
         sizes = forces(problem, followed, problem.values, **how)
         assert list(sizes.values()) == pytest.approx([r * k * far / np.sqrt(2), k * far / np.sqrt(2)], rel=0.01)
-
-
-def test_a_shaft_behind_a_gear_bears_its_twist_and_not_its_stiffness_times_the_angle_before_the_gear():
-    """Behind a ratio of fifty, hundreds of turns from where it began."""
-    t, n, k, far = np.linspace(0.0, 2.0, 2001), 50.0, 200.0, 1e-3
-    swing = np.sin(OMEGA * t)
-    motion = {"phi": 2000.0 + 5.0 * swing, "psi": (2000.0 + 5.0 * swing) / n - far * swing}
-    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=motion, output_std={"phi": 1e-6, "psi": 1e-8})
-    model = Model(
-        name="geared",
-        components={
-            "source": Torque(), "motor": Inertia(J=1e-9), "gear": Gear(ratio=n), "shaft": RotationalSpringDamper(k=k, d=0.0),
-            "load": Inertia(J=1e-6), "encoder": AngleSensor(), "far": AngleSensor(),
-        },
-        connections=[
-            ("source.flange", "motor.flange"), ("motor.flange", "encoder.flange"), ("motor.flange", "gear.flange_a"),
-            ("gear.flange_b", "shaft.flange_a"), ("shaft.flange_b", "load.flange"), ("load.flange", "far.flange"),
-        ],
-        inputs={"tau": "source.tau"},
-        outputs={"phi": "encoder.phi", "psi": "far.phi"},
-    )  # fmt: skip
-    problem = Problem(model=model, recordings=[recording])
-    sizes = forces(problem, follow_closely(problem, output_stds(problem)[0], None), problem.values)
-    assert list(sizes.values()) == pytest.approx([k * far / n / np.sqrt(2), k * far / np.sqrt(2)], rel=0.01)
 
 
 def test_net_forces_are_without_those_that_cancel():
