@@ -11,7 +11,7 @@ import ctypes
 import platform
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 
 WORDS, MXCSR = 8, 7  # of 32 bits in the floating-point environment of Linux on x86-64, and which of them is the register
@@ -41,13 +41,9 @@ def _library() -> ctypes.CDLL | None:
     """What has the environment's functions, where its layout is known."""
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
-    try:
-        library = ctypes.CDLL(None)
-        _ = library.fegetenv, library.fesetenv
-    except (OSError, AttributeError):
-        try:
-            library = ctypes.CDLL("libm.so.6")
-            _ = library.fegetenv, library.fesetenv
-        except (OSError, AttributeError):
-            return None
-    return library
+    for name in (None, "libm.so.6"):
+        with suppress(OSError):
+            library = ctypes.CDLL(name)
+            if hasattr(library, "fegetenv") and hasattr(library, "fesetenv"):
+                return library
+    return None

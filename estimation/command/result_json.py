@@ -186,7 +186,7 @@ def result_of_simulation(answer: Simulation, dae: Dae, roles: Mapping[str, str])
             for name, value in answer.parameters.items()
         },
         "weights": {"W": {}, "V": {}},
-        "fit": {name: one for name, fit in answer.fit.items() for one in _fit({name: fit}, roles[name]).values()},
+        "fit": _fit(answer.fit, roles),
         "solver": {
             "status": "integrated to the end of every recording",
             "iterations": 0,
@@ -236,7 +236,8 @@ def _profile(p: Profile) -> dict[str, Any]:
     }
 
 
-def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[str, Any]:
+def _fit(fit: Mapping[str, Mapping[str, OutputFit]], roles: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """roles: recording -> what it is for; fitted where none are given."""
     return {
         recording: {
             name: {
@@ -248,7 +249,7 @@ def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[
                 "samples": f.samples,
                 "prediction_rms": f.prediction_rms,
                 "without_outliers": None if f.trimmed is None else asdict(f.trimmed),
-                "role": role,
+                "role": roles[recording] if roles else "fit",
             }
             for name, f in outputs.items()
         }
@@ -258,7 +259,7 @@ def _fit(fit: Mapping[str, Mapping[str, OutputFit]], role: str = "fit") -> dict[
 
 def _predicted(prediction: Prediction) -> dict[str, Any]:
     """The fit of what was held out: marked, and with the error over windows."""
-    (outputs,) = _fit({"": prediction.fit}, "held_out").values()
+    (outputs,) = _fit({"": prediction.fit}, {"": "held_out"}).values()
     for name, rms in prediction.window_rms.items():
         outputs[name] |= {"window_s": prediction.window_s, "window_rms": rms}
     return dict(outputs)

@@ -12,7 +12,7 @@ from backsight.models import Dae
 from backsight.models.analysis.isolability import isolability, telling
 
 from ..problem import Problem
-from ..results import Smoothing
+from ..results import ParameterEstimate, Smoothing
 from .candidates import Candidate
 from .choice import RIVAL, SAME, evened, sound
 from .described import described
@@ -38,16 +38,16 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
     """A candidate with the numbers that it has in a result. gap: nats that it lacks against the one chosen."""
     strengths = dict[str, Strength]()
     if result is not None:
-        for word, path in _numbers(c, result).items():
-            if (p := result.parameters.get(path)) is not None:
-                strengths[word] = Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
+        for word, p in _numbers(c, result).items():
+            strengths[word] = Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
     return Explanation(place=c.place, family=c.family, physics=c.physics, subject=c.subject, given=c.stated, gap=gap, parameters=strengths)
 
 
-def _numbers(c: Candidate, result: Smoothing) -> dict[str, str]:
-    """Word -> parameter of what a candidate says in numbers, with what came free once it was kept."""
-    there = {path: p for path in c.later if (p := result.parameters.get(path)) is not None}
-    return {**c.named, **{path.rpartition(".")[2]: path for path, p in there.items() if not p.fixed}}
+def _numbers(c: Candidate, result: Smoothing) -> dict[str, ParameterEstimate]:
+    """Word -> what a result has of it, of all that a candidate says in numbers, with what came free once it was kept."""
+    found = {word: result.parameters[path] for word, path in c.named.items() if path in result.parameters}
+    later = {path.rpartition(".")[2]: result.parameters[path] for path in c.later if path in result.parameters}
+    return found | {word: p for word, p in later.items() if not p.fixed}
 
 
 def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
@@ -206,6 +206,5 @@ def verdict(findings: Sequence[Finding]) -> Class:
 
 def _change(c: Candidate, result: Smoothing | None) -> str:
     told = {} if result is None else _numbers(c, result)
-    values = {} if result is None else {p: result.parameters[p].value for p in told.values() if p in result.parameters}
-    said = [*(edit.words for edit in c.edits), *(f"{name} = {value:.6g}" for name, value in values.items())]
+    said = [*(edit.words for edit in c.edits), *(f"{p.name} = {p.value:.6g}" for p in told.values())]
     return "; ".join([*said, *(f"{name} = 0" for name in c.absorbs if not name.startswith(PREFIX))])

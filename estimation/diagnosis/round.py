@@ -100,7 +100,7 @@ class Round:
 
         now: what the model as it is is worth. moving: whether it may go where a fit came to rest.
         """
-        most = max(self.sizes.left.values(), default=0.0)
+        most = self.sizes.most
         self._fit_the_likely(now)
         plain = [fit for fit in self.fitted if explaining(*fit)]
         hinted = most > HINT * FLOOR or (self.base.settings.weigh and coloured(self.base.result))

@@ -92,7 +92,7 @@ class Search:
     @property
     def most_left(self) -> float:
         """The largest share of the forces at a place that is left over."""
-        return max(self._sizes.left.values(), default=0.0)
+        return self._sizes.most
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.

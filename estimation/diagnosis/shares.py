@@ -43,6 +43,11 @@ class Sizes:
         self.names = list(self.forces)
         self.left, self._problem = _left(result, self.forces), problem
 
+    @property
+    def most(self) -> float:
+        """The largest share of the forces at a place that is left over."""
+        return max(self.left.values(), default=0.0)
+
     @cached_property
     def off(self) -> float:
         """How far outputs are off (`misfit.py`)."""
@@ -99,7 +104,7 @@ def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:
     if result.solution is None or (before.off > OFF and off(problem, result) < NEARER * before.off):
         return False
     most = max(left_over(problem, result).values(), default=0.0)
-    return most > FLOOR and most > GROWN * max(before.left.values(), default=0.0)
+    return most > FLOOR and most > GROWN * before.most
 
 
 def left_over(problem: Problem, result: Smoothing) -> dict[str, float]:

@@ -65,8 +65,8 @@ def _verdict(found: Diagnosis) -> str:
 
 def _small(tried: Sequence[Tried]) -> Explanation | None:
     """The effect with most evidence of those that were refused for their size."""
-    there = {t.fitted: t.explanation for t in tried if t.refused == TOO_SMALL and t.fitted is not None and t.fitted > STANDING_OUT}
-    return there[max(there)] if there else None
+    there = [(t.fitted, t.explanation) for t in tried if t.refused == TOO_SMALL and t.fitted is not None and t.fitted > STANDING_OUT]
+    return max(there, key=lambda one: one[0])[1] if there else None
 
 
 def _where(nameless: Explanation) -> str:

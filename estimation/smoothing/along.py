@@ -18,7 +18,7 @@ from ..problem import Problem
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
 GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
-STIFFNESS = {"N/m"}
+STIFFNESS = "N/m"
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -67,7 +67,7 @@ def forces(
 def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
     """The parameters but lengths and ratios that springs multiply; borne: or positions; net: without directions."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
-    springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit in STIFFNESS))
+    springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
 
     def geometric(i: int, unit: str) -> bool:
         if net and unit in DIRECTIONS:

@@ -67,11 +67,14 @@ class Kkt:
     def solved(self, right: Array) -> Array:
         """K^-1 of columns that have rows for the multipliers too."""
         found = np.empty(right.shape)
-        with flushed():
-            inside = self._band.solve(right[self.inner])
+        inside = self._inside(right[self.inner])
         found[self.border] = self._corner @ (right[self.border] - self._edge.T @ inside)
         found[self.inner] = inside - self._across @ found[self.border]
         return found
+
+    def _inside(self, right: Array) -> Array:
+        with flushed():
+            return np.asarray(self._band.solve(right))
 
     @cached_property
     def _band(self) -> SuperLU:
@@ -85,8 +88,7 @@ class Kkt:
 
     @cached_property
     def _across(self) -> Array:
-        with flushed():
-            return np.asarray(self._band.solve(self._edge.toarray()))
+        return self._inside(self._edge.toarray())
 
     @cached_property
     def _corner(self) -> Array:

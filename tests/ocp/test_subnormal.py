@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -35,21 +34,17 @@ def test_it_ends_with_an_error() -> None:
     assert np.all(SMALL * 1.0 > 0)
 
 
-def test_a_factor_whose_entries_shrink_along_time_solves_the_same_and_faster() -> None:
+def test_a_factor_whose_entries_shrink_along_time_solves_the_same() -> None:
     """x_(k+1) = x_k / 2, from a start that is forgotten after a thousand steps."""
     n = 200_000
     A = splu(sp.csc_matrix(sp.eye(n) - sp.diags([np.full(n - 1, 0.5)], [-1])), permc_spec="NATURAL")
     start = np.zeros((n, 16))
     start[0] = np.arange(1.0, 17.0)
     start[1020::1000] = 1e-305  # what falls below them again and again
-
-    def solved() -> tuple[np.ndarray, float]:
-        began = time.perf_counter()
-        x = A.solve(start)
-        return x, time.perf_counter() - began
-
-    plain, slow = min((solved() for _ in range(3)), key=lambda one: one[1])
+    plain = A.solve(start)
     with flushed():
-        small, fast = min((solved() for _ in range(3)), key=lambda one: one[1])
+        small = A.solve(start)
+    least = np.finfo(float).tiny
+    assert np.any((plain != 0) & (np.abs(plain) < least))
+    assert not np.any((small != 0) & (np.abs(small) < least))
     np.testing.assert_allclose(small, plain, rtol=0.0, atol=1e-307)
-    print(f"{slow / fast:.1f} times as fast")

@@ -180,6 +180,7 @@ def test_play_that_a_rigid_machine_cannot_have_is_given_up_at_the_first_solve():
     assert len(given_up) >= 3
     assert all(f.result is None for f in given_up)
     assert not any(np.isfinite(f.worth.nats) for f in wide)
+    assert not narrow.failed.startswith("Given up: at the weights that it began with")
     assert narrow.result is not None
 
 
