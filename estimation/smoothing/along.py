@@ -33,16 +33,23 @@ def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Arr
 
 
 def forces(
-    problem: Problem, followed: Followed, parameters: Array, *, varying: bool = False, borne: bool = False, net: bool = False
+    problem: Problem,
+    followed: Followed,
+    parameters: Array,
+    *,
+    varying: bool = False,
+    borne: bool = False,
+    taut: bool = False,
+    net: bool = False,
 ) -> dict[int, float]:
     """Rms of the largest term of every balance along the trajectories: place -> [unit of the place].
 
     The terms are the balance's derivatives times what it is differentiated by: x', z, u or p; or x where there are none of these. A spring
-    between two bodies that turn bears its stiffness times its twist, and not times either angle; nor does a length or a ratio count that
-    its stiffness multiplies: the radius of a drum, beside its angle, stands in the force of a rope that is hardly stretched. varying:
-    without their means, so that a weight that hangs in the air is nothing. borne: no more than is surely borne; no length or ratio counts
-    where its term hangs on positions. net: neither do angles and numbers: the thrusts of four rotors, times how these are turned, leave
-    next to nothing that turns the body.
+    between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
+    weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
+    positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. taut: nor does one that a
+    spring's stiffness multiplies, wherever else it stands. net: neither do these, nor angles and numbers: the thrusts of four rotors, times
+    how these are turned, leave next to nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -50,7 +57,7 @@ def forces(
         return {}
     rows = dae.balances_of(places)
     F = dae.undisturbed(dae.residual[rows])
-    acting = ca.vertcat(dae.dx, dae.z, dae.u, _of_size(dae, F, borne, net))
+    acting = ca.vertcat(dae.dx, dae.z, dae.u, _of_size(dae, F, borne, taut or net, net))
     told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
     parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
     parts[told, acting.shape[0] :] = 0
@@ -64,15 +71,16 @@ def forces(
     return {k: float(f) if np.isfinite(f) and f > 0 else 1.0 for k, f in zip(places, size, strict=True)}
 
 
-def _of_size(dae: Dae, F: Any, borne: bool, net: bool) -> Any:
-    """The parameters but lengths and ratios that springs multiply; borne: or positions; net: without directions."""
+def _of_size(dae: Dae, F: Any, borne: bool, taut: bool, net: bool) -> Any:
+    """The parameters; borne: without the lengths and ratios that enter F times positions; taut: times stiffnesses; net: nor directions."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
     springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
 
     def geometric(i: int, unit: str) -> bool:
         if net and unit in DIRECTIONS:
             return True
-        return unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), positions if borne else springs))
+        by = springs if taut else positions
+        return (borne or taut) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 

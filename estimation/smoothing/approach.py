@@ -104,7 +104,7 @@ def approach(
             say(f"another start, {number + 1} of {STARTS} at most")
             start = elsewhere(problem, parameters, rng)
         begun, start, share = complete(near, followed, laws, start) if hidden and not telling else (followed, start, 1.0)
-        found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain, opens))
+        found.append(_descent(soft, begun, laws, start, share, least, telling, say, strain, opens, hidden=hidden))
         if found[-1].share <= NEAR or any(_the_same(found[-1], other) for other in found[:-1]):
             break
     return _ended(min(found, key=lambda way: (way.share, way.unlikely)), laws, parameters, own)
@@ -132,7 +132,7 @@ def _from_search(
         return None
     found, count, soft = list[Approach](), _count(followed), softened(near)
     for share in DRIVEN:
-        way = _descent(soft, begun[0], laws, begun[1], share, least, (), say)
+        way = _descent(soft, begun[0], laws, begun[1], share, least, (), say, hidden=True)
         if way.share <= TIGHTEST and 2 * way.cost <= (1.0 + STRAINED) * count:
             found.append(way)
         if found and 2 * way.cost <= CLEAN * count:
@@ -163,11 +163,14 @@ def _descent(
     say: Callable[[str], None],
     strain: float = STRAINED,
     opens: bool = False,
+    *,
+    hidden: bool,
 ) -> Approach:
     """One way from loose to tight, but for the telling places, which are tight throughout; it ends where it strains.
 
     opens: where single places strain these stay as loose as their forces are off, and the others go on. Forces count without their means:
-    of thrusts that carry a weight only what they vary by turns the body.
+    of thrusts that carry a weight only what they vary by turns the body. hidden: whether outputs leave states unseen; then nothing but
+    these shares holds them, and no length that a spring multiplies may make a force of what is hardly stretched.
     """
     pairs = zip(followed.horizons, followed.transcription.horizons, strict=True)
     horizons = [replace(horizon, mesh=coarse.mesh) for horizon, coarse in pairs]
@@ -183,7 +186,7 @@ def _descent(
     while True:
         room: Array | None = None
         parameters = rounded(near, left_alone(near, laws), followed, parameters, share)
-        now = forces(near, followed, parameters, varying=opens)
+        now = forces(near, followed, parameters, varying=opens, taut=hidden)
         size = {k: min(f, size.get(k, np.inf)) for k, f in now.items()}
         whole = {k: f * float(np.sqrt(np.median(steps))) for k, f in size.items()}
         shares = {k: TIGHTEST if k in telling else max(share, loose.get(k, 0.0)) for k in size}

@@ -142,7 +142,7 @@ class Seen:
     def forces(self, parameters: Array) -> Array:
         """Size of the forces in the balances (balances,); where an attitude turns unseen, without what only carries a weight."""
         turning = bool(bare_rows(self.problem.dae))
-        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters, varying=turning)
+        size = forces(self.problem, simulated(self.driven, self.followed, parameters), parameters, varying=turning, taut=True)
         return np.array([size[k] for k in self._places(self.rows)])
 
     def share(self, parameters: Array) -> float:

@@ -90,7 +90,7 @@ def _completed(problem: Problem, followed: Followed, laws: tuple[FrictionLaw, ..
     for share in ROUNDED:
         parameters = rounded(problem, laws, followed, start, share)
         # what moves what is seen may be anything yet: only the unseen is to go as the model says
-        loose = forces(problem, followed, parameters)
+        loose = forces(problem, followed, parameters, taut=True)
         room = np.sqrt(np.median(np.concatenate([h.mesh.steps for h in followed.horizons])))
         force_std = {k: std if k in own else room * loose[k] for k, std in _little_room(problem, followed, parameters).items()}
         t = transcribe(problem.dae, followed.horizons, free=(), prior=nothing, force_std=force_std, degree=2)
