@@ -33,6 +33,7 @@ _STATUS = {
 
 
 WORSE = 1e-6  # of the cost: what Ipopt's answer may cost more than that of plain steps
+SENSELESS = 1e20  # per row, that a first stage has left: ten billion deviations off, where the second may stay for minutes
 ON_BOUND = 1e-3  # units from a bound: what ends there ended on it
 
 
@@ -124,6 +125,7 @@ class Solver:
         multipliers, iterations, status, cost = np.zeros(self.nlp.constraint_count), 0, Status.NUMERICS, np.inf
         if not np.all(np.isfinite(start)):
             return Solved(decisions=start, cost=np.nan, multipliers=multipliers, status=status, iterations=0, seconds=0.0)
+        hopeless = min(self.options.hopeless, SENSELESS * sum(term.target.size for term in self.nlp.terms))
         at, exact, sought = self.nlp.trajectory_size + self.nlp.referred, False, FixedPoint(self.options.drift)
         near: Solved | None = None
         by_steps, kept = False, (decisions, multipliers, cost)
@@ -152,7 +154,7 @@ class Solver:
                 if sought.reached(here.reference[at], decisions[at], cost):
                     break
                 start[at] = np.clip(sought.next(), lower[at], upper[at])
-            elif status is Status.INTERRUPTED or exact or not newton or cost > self.options.hopeless:
+            elif status is Status.INTERRUPTED or exact or not newton or cost > hopeless:
                 break
             else:
                 # on from where the steps ended, the terms referred to what was sought and not to that

@@ -7,6 +7,8 @@ import time
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from backsight.models.errors import InputError
 
 from ..problem import Problem
@@ -54,7 +56,8 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         say(f"the model as it is{what}")
         way = replace(way, seconds=min(way.seconds, max(end - time.time(), AT_LEAST)))
         call = partial(smoothing, posed, settings=way, begin=None if begin is None else begin.solution, progress=say)
-        return kept.smoothed(kept.name(f"the model as it is{what}"), call)
+        with _beyond_all_bounds():
+            return kept.smoothed(kept.name(f"the model as it is{what}"), call)
 
     weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
     onward = replace(weighed, check_mesh=False, finest=QUICKLY.finest, options=PATIENT)
@@ -104,8 +107,14 @@ def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end
         say(f"the model as it is{what}")
         way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
         try:
-            return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, read(problem), settings=way))
+            with _beyond_all_bounds():
+                return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, read(problem), settings=way))
         except FAILURES:
             return None
 
     return misread(problem, result, smoothed)
+
+
+def _beyond_all_bounds() -> np.errstate:
+    """Columns that are no machine's lead to numbers that none can hold; notes say what comes of it, and numpy need not."""
+    return np.errstate(over="ignore", invalid="ignore")

@@ -1,9 +1,9 @@
 """Columns that are not what a study says: in another unit, with the other sign, exchanged with another one.
 
 Residual forces let a smoother follow what no machine would do, but not what no machine could: outputs of bodies that are joined, one of
-them in degrees or under the other's name. There it comes to rest nowhere, further from an output than that output's mean, or where the
-joint has run to nothing and forces do everything. Every such misreading is taken back in turn, and one with which the model comes to
-rest, and explains what it did not, is told.
+them in degrees or under the other's name. There it comes to rest nowhere, further from an output than that output's mean, or, at rest or
+not, where the joint has run to nothing and forces do everything. Every such misreading is taken back in turn, and one with which the
+model comes to rest, and explains what it did not, is told.
 """
 
 from __future__ import annotations
@@ -32,14 +32,20 @@ LESS = 0.1  # of the residual forces of a model that explains nothing: with more
 
 
 def lost(result: Smoothing) -> bool:
-    """Whether a smoothing has come to rest nowhere, and follows an output worse than the mean of its samples would."""
+    """Whether a smoothing has come to rest nowhere, and explains nothing or follows an output worse than its mean would."""
+    if result.solver.converged:
+        return False
     fits = [f.ordinary.fit_percent for outputs in result.fit.values() for f in outputs.values()]
-    return not result.solver.converged and any(fit is not None and not fit > LOST for fit in fits)
+    return _explains_nothing(result) or any(fit is not None and not fit > LOST for fit in fits)
 
 
 def idle(result: Smoothing) -> bool:
     """Whether a smoothing has come to rest where residual forces do what the model should."""
-    return result.solver.converged and any(EXPLAINS_NOTHING in note for note in result.notes)
+    return result.solver.converged and _explains_nothing(result)
+
+
+def _explains_nothing(result: Smoothing) -> bool:
+    return any(EXPLAINS_NOTHING in note for note in result.notes)
 
 
 def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Reading], Smoothing | None]) -> str:

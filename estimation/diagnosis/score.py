@@ -169,7 +169,7 @@ class Linearised:
             if term.name == t.force_term:
                 for k in range(n):
                     part[:, k::n, k] = row.T[:, k::n]
-            (multiplied if term.equality or term.heavy else squares).append(part.reshape(-1, n))
+            (multiplied if term.equality or term.heavy else squares).append(part.reshape(row.size, n))
         return Columns(squares=np.concatenate(squares), multiplied=np.concatenate(multiplied) / self.sizes[:, None])
 
     @cached_property

@@ -37,6 +37,7 @@ STALLED = 0.1  # of the cost, a log-likelihood: a round of steps that saves less
 CREEPING = 0.02  # share of the cost: nor do they notice less than that, and with much room for forces some ways have no end
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
 CHOSEN = 0.05  # the share of its rows that the fit chooses then, at most
+BEYOND_WORDS = 700.0  # log of a factor that no number holds
 FARTHEST, FARTHEST_DOWN = 30.0, 8.0  # largest factors of one round, up and down
 
 
@@ -134,7 +135,7 @@ def choose_weights(
                 output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
             else:
                 force_factor[family.row] = np.exp(family.log)
-        say(f"weights from the data, round {rounds}: {100 * np.expm1(change):.3g} % to go")
+        say(f"weights from the data, round {rounds}: {100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go")
         if change < CLOSE:
             settled = True
             break

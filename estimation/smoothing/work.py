@@ -83,7 +83,7 @@ class Work:
             meshed = Meshed(horizons=list(followed.horizons), rigid=False, least_std={})
         else:
             meshed = work.meshed(followed, stds, force_std, start)
-        if meshed.rigid and set(self.given) == set(force_std):
+        if meshed.rigid and all(self.problem.dae.places[k].name in self.problem.weights.W for k in force_std):
             force_std = {}
         program = work.program(meshed.horizons, followed, force_std, start)
         if begin is not None and begin.strange:
