@@ -280,3 +280,11 @@ def test_friction_that_is_higher_at_rest_starts_at_the_level_that_is_there_at_re
     name = "stribeck_friction_carriage"
     start = begun(c, screened(c, [3.0, 9.0], {f"{name}.v_s": 0.05}), {"friction.f_c": 20.0})
     assert (start[f"{name}.f_c"], start[f"{name}.f_s"]) == (23.0, 29.0)
+
+
+def test_a_place_whose_forces_no_output_feels_stays_soft_where_nobody_gave_its_weight():
+    problem = posed(run(1.0), W={})
+    deaf = replace(problem.recordings[0], output_std={"x": 10.0})
+    solution = smooth(replace(problem, recordings=[deaf]), settings=HELD).solution
+    assert solution is not None
+    assert [solution.transcription.dae.places[k].name for k in solution.transcription.soft] == ["carriage"]
