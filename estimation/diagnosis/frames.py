@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from backsight.models import Model
+from backsight.models.language import Component
 from backsight.models.mechanics import planar, spatial
 from backsight.models.mechanics.spatial.rotation import Vector, velocities
 
@@ -16,9 +17,10 @@ from ..problem import Known, Problem
 from ..supposed import left_out
 from .candidates import Alike, Candidate, Exchange, Insert
 from .offsets import PREFIX
-from .places import free_name, neighbours, own_name
+from .places import free_name, grounds, neighbours, node, own_name
 
 WIDEST = 3.0  # times the drag across, at most, that a body has along z
+JOINTS, PIECES = (planar.Revolute, planar.Prismatic), (planar.FixedTranslation, planar.FixedRotation)
 FORCES, TORQUES = ("f_x", "f_y", "f_z"), ("tau_x", "tau_y", "tau_z")
 
 
@@ -57,6 +59,8 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
             found.append(_leaning(name, values) if values.get(f"{name}.tilt", component.parameters["tilt"]) else _tilted(name))
         if isinstance(component, planar.RigidBody):
             found += _beside(name, component, values)
+        if isinstance(component, planar.Body) and _swings(model, f"{name}.frame"):
+            found += _dragged(model, name, values)
         if isinstance(component, spatial.RigidBody):
             found += _rigid_body(model, name, values)
     return found + [c for group in _propellers(model) for c in _rotors(model, group, values)]
@@ -104,6 +108,57 @@ def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float])
             named={across.rpartition(".")[2]: across},
         )
     ]
+
+
+def _dragged(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:
+    """Drag at the centre of mass of a body that swings at what moves itself: behind one joint alone, or slides, it is drag at these."""
+    centre = {word: values.get(own_name(model, f"{body}.{word}"), model.components[body].parameters[word]) for word in ("x_c", "y_c")}
+    kinds: tuple[tuple[str, str, planar.Drag], ...] = (
+        ("linear_drag", "d", planar.LinearDrag(**centre)),
+        ("quadratic_drag", "c", planar.QuadraticDrag(**centre)),
+    )
+    return [
+        Candidate(
+            place=body,
+            family="fluid",
+            physics=physics,
+            edits=(Insert(place=body, component=drag, name=name),),
+            strengths=(f"{name}.{word}",),
+            one_sided=True,
+            named={word: f"{name}.{word}"},
+        )
+        for physics, word, drag in kinds
+        if (name := free_name(model, f"{physics}_{body}"))
+    ]
+
+
+def _swings(model: Model, frame: str) -> bool:
+    """Whether several joints, one of them a hinge, or none are between a frame and the ground, and nothing else."""
+    held = {f"{name}.frame" for name in grounds(model)}
+    count, hinged, ends = 0, False, _rigid_with(model, {frame})
+    while not ends & held:
+        hinged |= _across(model, ends, (planar.Revolute,)) != ends
+        beyond = _rigid_with(model, _across(model, ends, JOINTS))
+        if beyond == ends:
+            there = [model.components[end.partition(".")[0]] for end in ends]
+            return all(len(c.declared_connectors) == 1 or isinstance(c, (*JOINTS, *PIECES)) for c in there)
+        count, ends = count + 1, beyond
+    return count > 1 and hinged
+
+
+def _rigid_with(model: Model, ends: set[str]) -> set[str]:
+    """All frames that stand still against one of these."""
+    while (beyond := _across(model, ends, PIECES)) != ends:
+        ends = beyond
+    return ends
+
+
+def _across(model: Model, ends: set[str], kinds: tuple[type[Component], ...]) -> set[str]:
+    """These frames, what is joined to them, and what is on the other side of components of these kinds."""
+    there = {end for e in ends for end in node(model, e)}
+    passed = {end.partition(".")[0] for end in there}
+    other = {f"{name}.{side}" for name in passed if isinstance(model.components[name], kinds) for side in ("frame_a", "frame_b")}
+    return {end for e in there | other for end in node(model, e)}
 
 
 def _rigid_body(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:

@@ -3,10 +3,12 @@
 world.py     World (gravity), FrameFixed         joints.py   Revolute, Prismatic
 bodies.py    Body, MomentBody                    sensors.py  PointSensor, Accelerometer, Gyro
 elements.py  FixedTranslation, FixedRotation, WorldForce, WorldTorque, ConstantWorldForce
+drag.py      Drag, LinearDrag, QuadraticDrag
 points.py    PointMass, PlanarFixed, Rod
 """
 
 from .bodies import Body, MomentBody, RigidBody
+from .drag import Drag, LinearDrag, QuadraticDrag
 from .elements import ConstantWorldForce, FixedRotation, FixedTranslation, WorldForce, WorldTorque
 from .joints import Prismatic, Revolute
 from .points import PlanarFixed, PointMass, Rod
@@ -17,16 +19,19 @@ __all__ = [
     "Accelerometer",
     "Body",
     "ConstantWorldForce",
+    "Drag",
     "FixedRotation",
     "FixedTranslation",
     "FrameFixed",
     "FrameSensor",
     "Gyro",
+    "LinearDrag",
     "MomentBody",
     "PlanarFixed",
     "PointMass",
     "PointSensor",
     "Prismatic",
+    "QuadraticDrag",
     "Revolute",
     "RigidBody",
     "Rod",

@@ -12,7 +12,7 @@ from backsight.estimation import Known, Problem, Recording
 from backsight.estimation.diagnosis.frames import of_frames, with_heading
 from backsight.models import Model, compile_model
 from backsight.models.mechanics import spatial
-from backsight.models.mechanics.planar import Body, FrameFixed, MomentBody, Prismatic, Revolute, World
+from backsight.models.mechanics.planar import Body, FixedTranslation, FrameFixed, MomentBody, Prismatic, Revolute, World
 from backsight.models.plants import PLANTS, quadrotor, xy_table
 from backsight.models.quadratures import without_ignorable
 
@@ -197,6 +197,49 @@ def test_a_mass_beside_the_line_of_a_link_pulls_as_its_weight_across_does():
         assert np.abs(moved).max() == pytest.approx(9.81 * 0.03 * abs(np.sin(phi)), rel=1e-9)
         assert np.count_nonzero(moved) == 1
     assert [c.physics for c in of_frames(arm(m_y=0.1), {"link.m_y": 0.1}) if c.place == "link"] == []  # it has one there
+
+
+def crane(*, joint: type[Prismatic | Revolute] = Revolute) -> Model:
+    """A body that hangs, 1.2 m below, from one that slides."""
+    parts = {"world": World(), "base": FrameFixed(), "rail": Prismatic(), "trolley": Body(), "hook": joint(), "load": Body(y_c=-1.2)}
+    pairs = (
+        ("base.frame", "rail.frame_a"),
+        ("rail.frame_b", "trolley.frame"),
+        ("trolley.frame", "hook.frame_a"),
+        ("hook.frame_b", "load.frame"),
+    )
+    return Model(name="crane", components=parts, connections=pairs, outputs={"way": "rail.s"})
+
+
+@pytest.mark.parametrize("physics", ["linear_drag", "quadratic_drag"])
+def test_drag_of_what_swings_acts_at_its_centre_on_all_that_moves_it(physics):
+    model = crane()
+    (c,) = (c for c in of_frames(model, {}) if c.key == ("load", physics))
+    base = compile_model(model)
+    dae = compile_model(c.edited(model))
+    assert [q.name for q in dae.states] == [q.name for q in base.states]
+    for seed in range(3):
+        point = Point(base, seed)
+        x = dict(zip((q.name for q in base.states), point.x, strict=True))
+        phi, v, omega = x["hook.phi"], x["rail.v"], x["hook.omega"]
+        velocity = np.array([v + 1.2 * np.cos(phi) * omega, 1.2 * np.sin(phi) * omega])
+        f_x, f_y = -velocity * (np.hypot(*velocity) if physics == "quadratic_drag" else 1.0)
+        turning = 1.2 * (np.sin(phi) * f_y + np.cos(phi) * f_x)
+        told = point.told(dae, {c.strengths[0]: 1.0})[0] - point.told(dae)[0]
+        assert np.sort(np.abs(told[np.abs(told) > 1e-9])) == pytest.approx(np.sort(np.abs([f_x, turning])), rel=1e-5)
+
+
+def test_what_slides_or_turns_about_one_hinge_has_its_drag_there():
+    drags = {"linear_drag", "quadratic_drag"}
+    assert {c.place for c in of_frames(crane(), {}) if c.physics in drags} == {"load"}
+    assert {c.place for c in of_frames(crane(joint=Prismatic), {}) if c.physics in drags} == set()
+    assert {c.place for c in of_frames(xy_table(), {}) if c.physics in drags} == set()
+    pieces = {"bar": FixedTranslation(r_x=0.3), "tool": Body()}
+    arm_with_tool = replace(crane(), components={**crane().components, **pieces})
+    held = replace(arm_with_tool, connections=(*arm_with_tool.connections, ("trolley.frame", "bar.frame_a"), ("bar.frame_b", "tool.frame")))
+    assert {c.place for c in of_frames(held, {}) if c.physics in drags} == {"load"}
+    flying = Model(name="puck", components={"world": World(), "puck": Body()}, connections=(), outputs={"x": "puck.x"})
+    assert {c.place for c in of_frames(flying, {}) if c.physics in drags} == {"puck"}
 
 
 def test_a_manipulator_may_carry_such_a_mass_on_every_link():
