@@ -7,7 +7,7 @@ hangs on how the machine moved: v_rms its velocity, span and middle of its posit
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, pi
 
 import numpy as np
@@ -19,7 +19,7 @@ from backsight.models.mechanics import translational as sliding
 
 from ..smoothing.rest import ROUNDING, VELOCITY_UNITS
 from .candidates import Candidate, Insert
-from .places import Spot, at_hand, free_name, lent, own_name
+from .places import Spot, at_hand, free_name, lent, own_name, side_by_side
 
 FINEST = 60.0  # periods in the span of the positions up to which all are looked at
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
@@ -61,7 +61,7 @@ class Law:
     for the level, which is tau_c where something turns. absorbs: word of a base law -> own strengths; instead: class of a component that
     was a candidate itself -> its word, and the own strength. carrier: (physics, word) of the law whose force waves. larger: which of two
     strengths is the larger one. later: what comes free, from nothing, once it is in the model. there: (kind of place, motion) -> whether
-    there may be such a thing.
+    there may be such a thing. beside: word of a parameter; of elements side by side, one that has it is the place.
     """
 
     family: str
@@ -79,6 +79,7 @@ class Law:
     later: tuple[str, ...] = ()
     label: str = ""
     there: Callable[[str, Motion], bool] = field(default=lambda _kind, _motion: True)
+    beside: str = ""
 
 
 def _velocities(motion: Motion) -> tuple[float, ...]:
@@ -208,17 +209,29 @@ AGAINST_GROUND: tuple[Law, ...] = (
 )
 
 BETWEEN: tuple[Law, ...] = (
-    Law(family="transmission", physics="damping", make=_component("Damper", "RotationalDamper", d=0.0), strengths=("d",)),
-    Law(family="friction", physics="coulomb_friction", make=_component("Friction", "RotationalFriction"), strengths=("f_c",)),
+    Law(family="transmission", physics="damping", make=_component("Damper", "RotationalDamper", d=0.0), strengths=("d",), beside="d"),
+    Law(family="friction", physics="coulomb_friction", make=_component("Friction", "RotationalFriction"), strengths=("f_c",), beside="d"),
+    Law(
+        family="friction",
+        physics="asymmetric_friction",
+        make=_component("AsymmetricFriction", "RotationalAsymmetricFriction"),
+        strengths=("d_plus", "d_minus"),
+        absorbs={"d": "d_plus d_minus"},
+        beside="d",
+    ),
+    Law(family="fluid", physics="quadratic_drag", make=_component("Drag", "RotationalDrag"), strengths=("c",), beside="d"),
     Law(
         family="potential",
         physics="cubic_spring",
         make=_component("CubicSpring", "RotationalCubicSpring"),
         strengths=("k3",),
         one_sided=False,
+        beside="k",
     ),
+    *(replace(law, beside="k") for law in AGAINST_GROUND if law.physics == "end_stop"),
 )
 
+OF_STRUTS = ("asymmetric_friction", "quadratic_drag", "end_stop")  # what a long string has not
 NAMES = {"f": "f", "tau": "f", "omega_s": "v_s", "J": "m"}  # words of components -> those of findings, where they differ
 
 
@@ -229,7 +242,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collecti
     words = (*law.strengths, "v_s", "period", "amplitude")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
     here = tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c", *(word for word, _ in law.instead.values())})
-    there = at_hand(model, spot, here) if len(spot.flanges) == 1 else {}
+    there = at_hand(model, spot, here)
     absorbed = dict[str, str]()
     for kind, (word, strength) in law.instead.items():
         found = [path for path in there.get(word, ()) if path.partition(".")[0] in brought]
@@ -266,6 +279,16 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collecti
         later={f"{name}.{w}": (0.0, 0.0, inf) for w in law.later},
         named={NAMES.get(w, w): f"{name}.{w}" for w in said},
     )
+
+
+def between(law: Law, model: Model, spot: Spot) -> str:
+    """The element that a law between two bodies is looked for at, of those side by side with one; "" where there is no such thing."""
+    there = side_by_side(model, spot)
+    if any(isinstance(model.components[name], (sliding.Rigid, turning.RotationalRigid)) for name in there):
+        return ""  # nothing moves there
+    if law.physics in OF_STRUTS and any(isinstance(model.components[name], turning.TorsionString) for name in there):
+        return ""
+    return next((name for name in there if law.beside in model.components[name].declared_parameters), there[0])
 
 
 def _wave(law: Law, spot: Spot) -> tuple[str, str] | None:

@@ -24,7 +24,7 @@ from .candidates import Candidate, Exchange
 from .channels import OFF_CENTRE, of_alike, of_input, of_sensor
 from .couplings import of_coupling, of_ideal, of_soft
 from .frames import of_frames
-from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, of_law
+from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, between, of_law
 from .loads import of_loads
 from .places import Spot, bodies, elements, own_name, sensors
 from .presliding import of_presliding
@@ -57,7 +57,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     for spot in elements(model):
         motion = motions.of(spot)
         if motion is not None:
-            found += [of_law(law, model, spot, motion) for law in BETWEEN]
+            found += [of_law(law, model, spot, motion) for law in BETWEEN if spot.name == between(law, model, spot)]
             found += of_coupling(model, spot, motion, masses) + of_soft(model, spot, motion, masses, values)
     spots = {spot.name: spot for spot in bodies(model)}
     for name, component in model.components.items():
@@ -279,6 +279,8 @@ class _Motions:
         for where, rate in words:
             if rate is not None and f"{spot.name}.{rate}" in variables:
                 return variables.get(f"{spot.name}.{where}"), variables[f"{spot.name}.{rate}"]
+            if rate is not None and where.endswith("_rel") and (position := variables.get(f"{spot.name}.{where}")) is not None:
+                return position, ca.jtimes(position, dae.x, dae.dx)  # of a spring, which declares no rate
             if rate is None and f"{spot.name}.{where}" in variables:
                 return variables[f"{spot.name}.{where}"], variables[f"{spot.name}.{where}"]
         return None, None

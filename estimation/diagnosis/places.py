@@ -67,8 +67,17 @@ def grounds(model: Model) -> list[str]:
 
 
 def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[str]]:
-    """Word -> parameters of that name of components at a body, or of the body itself: its viscous friction `d`, its level `tau_c`."""
+    """Word -> parameters of that name of components at a body, or of the body itself: its viscous friction `d`, its level `tau_c`.
+
+    Of an element between two bodies, of those side by side with it and its own.
+    """
     found: dict[str, list[str]] = {}
+    if len(spot.flanges) == 2:
+        for name in side_by_side(model, spot):
+            for word in words:
+                if word in model.components[name].declared_parameters:
+                    found.setdefault(word, []).append(f"{name}.{word}")
+        return found
     held, here = set(grounds(model)), _at(model, spot)
     for owner in sorted({end.partition(".")[0] for end in here}):
         component = model.components[owner]
@@ -79,6 +88,12 @@ def at_hand(model: Model, spot: Spot, words: tuple[str, ...]) -> dict[str, list[
             if word in component.declared_parameters:
                 found.setdefault(word, []).append(f"{owner}.{word}")
     return found
+
+
+def side_by_side(model: Model, spot: Spot) -> list[str]:
+    """Elements between the same two bodies as one, itself among them, in the order of the model."""
+    ends = {frozenset(node(model, f"{spot.name}.{f}")) for f in spot.flanges}
+    return [s.name for s in elements(model) if {frozenset(node(model, f"{s.name}.{f}")) for f in s.flanges} == ends]
 
 
 def _at(model: Model, spot: Spot) -> set[str]:
