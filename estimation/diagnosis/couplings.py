@@ -108,14 +108,19 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
 
 @dataclass(frozen=True, kw_only=True)
 class Behind:
-    """An edit: a coupling behind a flange of what passes a motion on as it is, a gear or a pulley, where the model has none."""
+    """An edit: a coupling behind a flange of what passes a motion on as it is, a gear or a pulley, where the model has none.
+
+    turned: with its second flange there, and not its first.
+    """
 
     flange: str
     coupling: str
     component: Component
+    turned: bool = False
 
     def __call__(self, model: Model) -> Model:
         first, second = (f"{self.coupling}.{f}" for f in self.component.declared_connectors)
+        first, second = (second, first) if self.turned else (first, second)
         moved = _rejoined(model, {self.flange: second})
         parts = {**model.components, self.coupling: self.component}
         return replace(model, components=parts, connections=(*moved, (self.flange, first)))

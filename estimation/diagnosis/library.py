@@ -10,8 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from backsight.models import Dae, Model
-from backsight.models.mechanics.rotational import EccentricRack, Gear, Rack
+from backsight.models import Dae, Model, compile_model
+from backsight.models.errors import ModelError
+from backsight.models.mechanics.rotational import EccentricRack, Gear, GearWithError, Rack
 from backsight.models.mechanics.spatial import RigidBody
 from backsight.ocp import Horizon, Solution
 
@@ -20,13 +21,13 @@ from ..smoothing.along import along, times_within
 from ..smoothing.begun import followed_by
 from ..smoothing.rest import friction_laws, rounding
 from ..smoothing.unseen import moving_unseen
-from .candidates import Candidate, Exchange
+from .candidates import Candidate, Exchange, Rebuild
 from .channels import OFF_CENTRE, of_alike, of_input, of_sensor
-from .couplings import of_coupling, of_ideal, of_soft
+from .couplings import Behind, of_coupling, of_ideal, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, between, of_law
 from .loads import of_loads
-from .places import Spot, bodies, elements, own_name, sensors
+from .places import Spot, bodies, elements, free_name, neighbours, own_name, sensors
 from .presliding import of_presliding
 from .waves import fine_periods
 
@@ -63,7 +64,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     for name, component in model.components.items():
         if isinstance(component, (Gear, Rack)):
             found += of_ideal(model, name, lambda body: motions.of(spots[body]) if body in spots else None, masses)
-    found += _kinematic(model, values) + of_frames(model, values)
+    found += _kinematic(model, values) + _uneven(model, values) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
     duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
@@ -159,6 +160,53 @@ def _kinematic(model: Model, values: Mapping[str, float]) -> list[Candidate]:
             )
         )
     return found
+
+
+def _uneven(model: Model, values: Mapping[str, float]) -> list[Candidate]:
+    """Gears that wave once or twice per turn of either side, but where there are only sensors behind them. values: as above.
+
+    What waves is put behind the gear, so that the angle of the side that has the states tells that of the other.
+    """
+    found, reading = [], sensors(model)
+    gears = [name for name, component in model.components.items() if type(component) is Gear]
+    own = _states(model) if gears else []
+    for name in gears:
+        flanges = [f"{name}.{flange}" for flange in model.components[name].declared_connectors]
+        if any(neighbours(model, flange) - {name} <= reading for flange in flanges):
+            continue
+        wave = free_name(model, f"{name}_error")
+        ways = [Behind(flange=flanges[1], coupling=wave, component=GearWithError(), turned=turned) for turned in (True, False)]
+        edit = next((way for way in ways if _states(way(model)) == own), None)
+        if edit is None:
+            continue
+        turns = abs(values.get(own_name(model, f"{name}.ratio"), model.components[name].parameters["ratio"]))
+        amplitude, phase, order = (f"{wave}.{word}" for word in ("amplitude", "phase", "order"))
+        found.append(
+            Candidate(
+                place=name,
+                family="transmission",
+                physics="kinematic_error",
+                edits=(Rebuild(edit=edit, said=f"{wave} = {GearWithError.__name__}() behind {name}"),),
+                strengths=(amplitude,),
+                quadrature=phase,
+                shapes={order: tuple(sorted({1.0, 2.0, turns, 2.0 * turns}))},
+                start={
+                    amplitude: (0.0, -OFF_CENTRE, OFF_CENTRE),
+                    phase: (0.0, -3 * np.pi, 3 * np.pi),
+                    order: (1.0, 0.0, inf),
+                },
+                named={"amplitude": amplitude, "phase": phase, "order": order},
+            )
+        )
+    return found
+
+
+def _states(model: Model) -> list[str]:
+    """Names of its states; none where it cannot be compiled, for it names some that it does not have."""
+    try:
+        return [q.name for q in compile_model(model).states]
+    except ModelError:
+        return []
 
 
 def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Collection[str]) -> list[Candidate]:

@@ -168,10 +168,13 @@ def _squares(before: Predictor, after: Predictor, number: int, piece: Recording,
 
 
 def _attained(before: Array, after: Array, least: Array) -> float | None:
-    """Percent of what errors (n,) could become smaller at best; None where that is next to nothing."""
+    """Percent of what errors (n,) could become smaller at best, 100 at most; None where that is next to nothing.
+
+    Forces that are free at every place follow some of the noise, so that a right model may leave less than they do.
+    """
     there = np.isfinite(before) & np.isfinite(after) & (before > 0)
     gained, possible = (float(np.sum(1.0 - e[there] / before[there])) for e in (after, np.minimum(least, before)))
-    return 100.0 * gained / possible if possible > LITTLE * np.count_nonzero(there) else None
+    return min(100.0 * gained / possible, 100.0) if possible > LITTLE * np.count_nonzero(there) else None
 
 
 def _forces(before: Smoothing, after: Smoothing) -> dict[str, tuple[float, float, str]]:

@@ -106,7 +106,9 @@ class Round:
         hinted = most > HINT * FLOOR or (self.base.settings.weigh and coloured(self.base.result))
         least = 0.0 if (contradicting := self._contradicting(plain)) else NEAR * most
         if contradicting or (not self._explained(plain) and (most > FLOOR or (hinted and not plain))):
-            self._fit([(c, None) for c in self.candidates if c.dear and self._left_near(c.place, most) >= least], now)
+            near = [(self._left_near(c.place, most), c) for c in self.candidates if c.dear]
+            likeliest = sorted((one for one in near if one[0] >= least), key=lambda one: -one[0])  # while there is time
+            self._fit([(c, None) for _, c in likeliest], now)
         self.fitted.sort(key=lambda f: (-f[2].gain, f[0].rank))
         good = self._borne_out(self.fitted)
         if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):

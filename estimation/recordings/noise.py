@@ -26,10 +26,14 @@ ALTERNATING = 0.75  # of the changes of sign that white noise has; half of them 
 
 @dataclass(frozen=True)
 class Noise:
-    """std: what to begin with. least: so much of it is noise beyond doubt, 0 where the samples cannot tell. In the signal's unit."""
+    """std: what to begin with. least: so much of it is noise beyond doubt, 0 where the samples cannot tell. In the signal's unit.
+
+    white: what of that is no rounding, 0 where differences do not alternate as those of white noise do.
+    """
 
     std: float
     least: float
+    white: float = 0.0
 
 
 def noise(time: Array, y: Array, supposed: float | None = None) -> Noise:
@@ -50,9 +54,10 @@ def noise(time: Array, y: Array, supposed: float | None = None) -> Noise:
     found = [_of_order(order, t, finite) for order in ORDERS if len(finite) >= order + FEWEST and not alike]
     size = (float(np.max(np.abs(finite), initial=0.0)) or 1.0) if alike else float(np.std(finite))
     rounding = _step(finite) / np.sqrt(12.0)
-    seen, white = min(found, default=(supposed or 1e-3 * size, False))
-    resolution = CONVERTER * float(np.ptp(finite)) if len(finite) and not white else 0.0
-    return Noise(std=float(max(seen, rounding, resolution, 1e-9 * size)), least=float(max(seen if white else 0.0, rounding)))
+    seen, alternating = min(found, default=(supposed or 1e-3 * size, False))
+    resolution = CONVERTER * float(np.ptp(finite)) if len(finite) and not alternating else 0.0
+    white = seen if alternating else 0.0
+    return Noise(std=float(max(seen, rounding, resolution, 1e-9 * size)), least=float(max(white, rounding)), white=white)
 
 
 def varies(y: Array) -> bool:

@@ -93,7 +93,7 @@ def _below_samples(problem: Problem, run: Run, noise: Array) -> Iterable[tuple[t
 def contradictions(problem: Problem, run: Run, shown: Array) -> list[str]:
     """A sentence for every weight that was given and is exceeded by what it weighs, and for noises from the data that are no noise.
 
-    shown (H, ny): the noise that the samples show by themselves.
+    shown (H, ny): the noise that differences of the samples show; what these are rounded to says nothing of how much more it is.
     """
     solution = run.choice.solution
     t, found = solution.transcription, list[str]()

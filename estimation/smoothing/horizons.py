@@ -70,10 +70,11 @@ def check_varies(problem: Problem) -> None:
             )
 
 
-def shown_noise(problem: Problem) -> Array:
+def shown_noise(problem: Problem, *, rounding: bool = True) -> Array:
     """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; (H, ny).
 
-    An output that reads forces at once, such as an acceleration, is as rough as they are and shows nothing of its noise.
+    An output that reads forces at once, such as an acceleration, is as rough as they are and shows nothing of its noise. rounding: or at
+    least what they are rounded to.
     """
     dae = problem.dae
     at_once = {i for part in direct(dae, range(len(dae.places))) for i in part.sparsity().row()}
@@ -82,7 +83,9 @@ def shown_noise(problem: Problem) -> Array:
     for row, piece in zip(out, problem.fitted, strict=True):
         own = whole[piece.name]
         for i, q in enumerate(dae.outputs):
-            row[i] = noise(own.time, own.outputs[q.name]).least if q.name in piece.outputs and i not in at_once else 0.0
+            if q.name in piece.outputs and i not in at_once:
+                told = noise(own.time, own.outputs[q.name])
+                row[i] = told.least if rounding else told.white
     return out
 
 

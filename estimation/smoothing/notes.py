@@ -64,7 +64,8 @@ def notes(
         {which: note for which, note in said.items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
         for said in (too_sharp(problem, run, shown), far_below(problem, run, shown))
     )
-    doubts, loose, level = contradictions(problem, run, shown), loose_weights(problem, run), doubted(fit, residuals)
+    doubts = contradictions(problem, run, shown_noise(problem, rounding=False))
+    loose, level = loose_weights(problem, run), doubted(fit, residuals)
     return (
         *misled.values(),
         *on_explaining(problem.posed, run.choice.solution, residuals),

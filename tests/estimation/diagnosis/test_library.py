@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from concealed_axis import posed, run, smoothed
+from neutral import Point
 
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Insert
-from backsight.estimation.diagnosis.library import _kinematic, _said, _tilting, library
+from backsight.estimation.diagnosis.library import _kinematic, _said, _tilting, _uneven, library
 from backsight.models import Model, Parameter, compile_model
-from backsight.models.mechanics.rotational import Inertia, Rack
+from backsight.models.mechanics.rotational import AngleSensor, Gear, Inertia, Rack
 from backsight.models.mechanics.translational import Mass
 from backsight.models.plants import quadrotor
 
@@ -124,6 +125,39 @@ def test_a_wheel_may_be_off_its_centre_whichever_way_it_turns_its_belt(r):
     (c,) = _kinematic(model, {"belt.r": r})
     guess, low, high = c.start["belt.amplitude"]
     assert low < guess < high == pytest.approx(0.009)
+
+
+def servo(*, side: str, behind: bool = True) -> Model:
+    """An arm behind a gear of ratio 50. side: the body whose angle is the state; behind: whether an arm is there, or only its encoder."""
+    parts = {"rotor": Inertia(J=1e-4), "gearbox": Gear(ratio=50.0), "encoder": AngleSensor()} | ({"arm": Inertia(J=0.2)} if behind else {})
+    joined = [("rotor.flange", "gearbox.flange_a"), ("gearbox.flange_b", "encoder.flange")]
+    return Model(
+        name="servo",
+        components=parts,
+        connections=[*joined, *([("gearbox.flange_b", "arm.flange")] if behind else [])],
+        outputs={"motor": "rotor.phi", "load": "encoder.phi"},
+        states=(f"{side}.phi", f"{side}.omega"),
+    )
+
+
+@pytest.mark.parametrize("side", ["rotor", "arm"])
+def test_a_gear_may_wave_whichever_side_tells_the_angle_of_the_other(side):
+    model = servo(side=side)
+    (c,) = _uneven(model, {"gearbox.ratio": 50.0})
+    assert (c.key, c.family) == (("gearbox", "kinematic_error"), "transmission")
+    amplitude, order, phase = (c.named[word] for word in ("amplitude", "order", "phase"))
+    assert c.shapes == {order: (1.0, 2.0, 50.0, 100.0)}
+    base, dae = compile_model(model), compile_model(c.edited(model))
+    assert [q.name for q in dae.states] == [q.name for q in base.states] == [f"{side}.phi", f"{side}.omega"]
+    for seed in range(3):
+        motor, load = Point(base, seed).told(dae, {amplitude: 0.01, order: 2.0, phase: 0.4})[1]
+        known = motor / 50.0 if side == "rotor" else load
+        wave = 0.01 * (np.sin(2.0 * known + 0.4) - np.sin(0.4))
+        assert motor / 50.0 - load == pytest.approx(-wave if side == "rotor" else wave, rel=1e-9)
+
+
+def test_a_gear_with_nothing_but_a_sensor_behind_it_is_that_sensors():
+    assert _uneven(servo(side="rotor", behind=False), {}) == []
 
 
 def test_a_law_beside_one_of_the_model_rounds_its_sign_as_that_does():

@@ -82,6 +82,16 @@ def test_a_constant_tells_nothing_of_its_noise_whatever_its_rounding(value):
     assert varies(y)
 
 
+def test_what_a_rough_signal_is_rounded_to_is_the_least_of_its_noise_and_nothing_that_it_shows():
+    """A walk in steps of .005 has differences that do not alternate."""
+    walk = 0.005 * np.cumsum(np.random.default_rng(3).integers(-4, 5, 1000))
+    found = noise(TIME[:1000], walk)
+    assert found.least == pytest.approx(0.005 / np.sqrt(12.0))
+    assert found.white == 0.0
+    noisy = noise(TIME[:1000], np.random.default_rng(4).normal(0.0, 0.02, 1000))
+    assert noisy.white == noisy.least == pytest.approx(0.02, rel=0.1)
+
+
 def uneven(kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Times, and which samples are there."""
     rng, there = np.random.default_rng(5), np.ones(len(TIME), dtype=bool)
