@@ -14,7 +14,7 @@ from backsight.models.analysis.isolability import isolability, telling
 from ..problem import Problem
 from ..results import ParameterEstimate, Smoothing
 from .candidates import Candidate
-from .choice import RIVAL, SAME, evened, sound
+from .choice import RIVAL, SAME, beyond, evened, sound
 from .described import described
 from .offsets import PREFIX
 from .onsets import onset
@@ -68,7 +68,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
             others.append(explained(d, g.result, gap))
     if s is not None:
         told = {c.key} | {r.key for r in rivals + others}
-        alike = [o for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME]
+        alike = [o for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME and not beyond(o)]
         rivals += [explained(o.candidate, None) for o in alike]
         near += alike
     began = c.onset if s is None else onset(base, s)
