@@ -1,7 +1,8 @@
 """Periods too fine to try them all: those at which what is left over waves along the way.
 
 Teeth, poles and balls come back hundreds of times over the span of the positions. Forces summed in narrow bins of the position have a
-periodogram over waves per span, and its highest peaks are worth a score.
+periodogram over waves per span, and its highest peaks are worth a score. Where a machine moves too fast for its samples they add noise to
+that, and no false waves: positions at the samples are known.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 PEAKS = 12
 PER_WAVE = 8  # bins of the finest wave
-SAMPLES = 4.0  # of a wave, at the step between samples that nine of ten do not exceed
+SAMPLES = 4.0  # of a wave, at the step between samples that half of those in motion do not exceed
+MOVING = 0.01  # of the largest step: with less it hardly moves
 MOST = 4000.0  # waves over the span
 
 
@@ -20,7 +22,7 @@ def fine_periods(position: Array, force: Array, coarsest: float) -> tuple[float,
     """Periods [unit of position] finer than `coarsest` waves over the span at which the force (n,) waves most; none where nothing moves."""
     low, span = float(position.min()), float(np.ptp(position))
     steps = np.abs(np.diff(position))
-    step = float(np.quantile(steps[steps > 0], 0.9)) if (steps > 0).any() else 0.0
+    step = float(np.median(steps[steps > MOVING * steps.max()])) if (steps > 0).any() else 0.0
     if not span > 0 or not step > 0:
         return ()
     finest = min(span / (SAMPLES * step), MOST)

@@ -29,3 +29,12 @@ def test_nothing_is_finer_than_samples_can_tell():
     where = np.linspace(0.0, 1.0, 2000)
     assert min(fine_periods(where, np.random.default_rng(3).normal(size=2000), 60.0)) >= 4 / 2000
     assert fine_periods(np.ones(50), np.arange(50.0), 60.0) == ()
+
+
+def test_a_wave_that_is_passed_too_fast_for_the_samples_in_a_part_of_the_record_is_seen_in_the_rest():
+    """Twelve times a turn, at up to 80 rad/s and 500 samples a second: three samples of a wave at the fastest."""
+    rng, t = np.random.default_rng(2), np.arange(3000) / 500.0
+    position = 80.0 / 3.0 * (1.0 - np.cos(3.0 * t))
+    assert np.quantile(np.abs(np.diff(position)), 0.9) > 2 * np.pi / 12 / 4
+    found = fine_periods(position, np.sin(12.0 * position) + rng.standard_normal(3000), 60.0)
+    assert any(period == pytest.approx(2 * np.pi / 12, rel=2e-3) for period in found)
