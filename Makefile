@@ -1,7 +1,7 @@
 # make demo    the built-in study, end to end: what does its model leave out? Its report is demo_out/report.html
 # make prove   concealed cases of all plants, diagnosed blind, and the scorecard (hours; prove_out/ keeps what is done)
 # make calibrate  false alarms on clean recordings, and power against strength (hours; calibrate_out/ keeps what is done)
-# make test    lint, types, every test once: quick ones on the built wheel in a bare environment, the others here
+# make test    lint, types, every test but a few that take minutes: quick ones on the built wheel in a bare environment, the others here
 # make lint | types | unit | slow | cover | wheel | bench | lock | clean
 #
 # Needs make and Python 3.11 or newer; everything else is installed into .venv, at the versions of requirements.lock.
@@ -43,9 +43,9 @@ types: $(VENV)/.installed
 unit: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40
 
-# Those that the wheel is not tested by.
+# Those that the wheel is not tested by, but for a few that take a minute and more beside others that look at the same.
 slow: $(VENV)/.installed
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40 -m "slow or checkout"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40 -m "(slow or checkout) and not long"
 
 # Which lines and branches the tests pass.
 cover: $(VENV)/.installed

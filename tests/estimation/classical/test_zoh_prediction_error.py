@@ -79,6 +79,7 @@ def test_string_and_bit_are_found_from_voltage_and_current():
     assert found["bit.tau_sl"].value == pytest.approx(TAU, rel=0.06)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_where_no_force_acts_deviations_are_those_of_the_output_error():
     """No density can be found then; a row of rounding for it would shake the deviations of the parameters by whole factors."""

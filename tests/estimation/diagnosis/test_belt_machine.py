@@ -160,9 +160,10 @@ DEGREES = 180.0 / np.pi
 @pytest.mark.parametrize(
     ("read", "said"),
     [
-        (
+        pytest.param(
             lambda y: {"phi": DEGREES * y["phi"], "s": y["s"]},
             'phi is 0.01745 times what its column says, as of "deg" read as "rad"',
+            marks=pytest.mark.long,
         ),
         (lambda y: {"phi": y["s"], "s": y["phi"]}, "the columns of phi and s are exchanged"),
         (lambda y: {"phi": y["phi"], "s": -y["s"]}, "s has the other sign: negate the column of s"),

@@ -316,6 +316,7 @@ def test_nothing_is_searched_for_where_a_lag_hides_every_body():
     assert result.value("bearing.tau_c") < 2e-3
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_string_that_sticks_and_slips_is_smoothed_from_guesses_of_all_its_parameters():
     """Nothing tells the torque of the string here: the inertia of the table is a guess too."""

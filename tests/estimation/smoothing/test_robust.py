@@ -275,6 +275,7 @@ def test_deviations_grow_by_hubers_factor(share):
         assert s.parameters[name].std / clean.parameters[name].std == pytest.approx(factor, rel=0.04)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_over_twenty_four_contaminated_records_scores_have_unit_size():
     z = []

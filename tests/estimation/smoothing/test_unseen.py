@@ -59,7 +59,7 @@ def moved(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "unit"), [(0, 1e-3), (1, 1e-3), (3, 1e-3), (2, 1e3)])
+@pytest.mark.parametrize(("seed", "unit"), [(0, 1e-3), (1, 1e-3), (3, 1e-3), pytest.param(2, 1e3, marks=pytest.mark.long)])
 def test_a_torque_in_another_unit_scales_the_parameters_and_no_force_takes_over_the_noise(seed, unit):
     """Guesses of a machine a thousand times as strong, or as weak: what they call no force at all would explain every sample."""
     recording, _ = recorded(seed)
