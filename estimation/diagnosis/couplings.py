@@ -21,9 +21,8 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Exchange, Rebuild
 from .laws import Motion
-from .places import Spot, free_name, grounds, neighbours, own_name, sensors
+from .places import RIGID, Spot, free_name, grounds, neighbours, own_name, sensors
 
-RIGID = (sliding.Rigid, turning.RotationalRigid)
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
 SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, turning.RotationalSpring)
 WORDS = {"translational": "m", "rotational": "J"}  # what the inertia of a body is called

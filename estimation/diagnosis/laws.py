@@ -19,7 +19,7 @@ from backsight.models.mechanics import translational as sliding
 
 from ..smoothing.rest import ROUNDING, VELOCITY_UNITS
 from .candidates import Candidate, Insert
-from .places import Spot, at_hand, free_name, lent, own_name, side_by_side
+from .places import RIGID, Spot, at_hand, free_name, lent, own_name, side_by_side
 
 FINEST = 60.0  # periods in the span of the positions up to which all are looked at
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
@@ -208,27 +208,17 @@ AGAINST_GROUND: tuple[Law, ...] = (
     Law(family="inertia", physics="added_mass", make=_component("AddedMass", "AddedInertia"), strengths=("m",)),
 )
 
+# physics, first strength -> the parameter by which one of elements side by side is the place of such a law
+_BESIDE = {
+    ("coulomb_friction", "f_c"): "d",
+    ("asymmetric_friction", "d_plus"): "d",
+    ("quadratic_drag", "c"): "d",
+    ("cubic_spring", "k3"): "k",
+    ("end_stop", "k"): "k",
+}
 BETWEEN: tuple[Law, ...] = (
     Law(family="transmission", physics="damping", make=_component("Damper", "RotationalDamper", d=0.0), strengths=("d",), beside="d"),
-    Law(family="friction", physics="coulomb_friction", make=_component("Friction", "RotationalFriction"), strengths=("f_c",), beside="d"),
-    Law(
-        family="friction",
-        physics="asymmetric_friction",
-        make=_component("AsymmetricFriction", "RotationalAsymmetricFriction"),
-        strengths=("d_plus", "d_minus"),
-        absorbs={"d": "d_plus d_minus"},
-        beside="d",
-    ),
-    Law(family="fluid", physics="quadratic_drag", make=_component("Drag", "RotationalDrag"), strengths=("c",), beside="d"),
-    Law(
-        family="potential",
-        physics="cubic_spring",
-        make=_component("CubicSpring", "RotationalCubicSpring"),
-        strengths=("k3",),
-        one_sided=False,
-        beside="k",
-    ),
-    *(replace(law, beside="k") for law in AGAINST_GROUND if law.physics == "end_stop"),
+    *(replace(law, beside=word) for what, word in _BESIDE.items() for law in AGAINST_GROUND if (law.physics, law.strengths[0]) == what),
 )
 
 OF_STRUTS = ("asymmetric_friction", "quadratic_drag", "end_stop")  # what a long string has not
@@ -284,7 +274,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collecti
 def between(law: Law, model: Model, spot: Spot) -> str:
     """The element that a law between two bodies is looked for at, of those side by side with one; "" where there is no such thing."""
     there = side_by_side(model, spot)
-    if any(isinstance(model.components[name], (sliding.Rigid, turning.RotationalRigid)) for name in there):
+    if any(isinstance(model.components[name], RIGID) for name in there):
         return ""  # nothing moves there
     if law.physics in OF_STRUTS and any(isinstance(model.components[name], turning.TorsionString) for name in there):
         return ""

@@ -16,9 +16,8 @@ from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
 from .candidates import Candidate, Insert
-from .couplings import RIGID
 from .laws import Motion, flange_of, rounded
-from .places import Spot, free_name, grounded, neighbours
+from .places import RIGID, Spot, free_name, grounded, neighbours
 
 ROUNDED = 1e-3  # of the rms load: the width over which its sign is rounded
 UNITS = {"translational": "N", "rotational": "N.m"}

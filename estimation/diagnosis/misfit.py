@@ -18,7 +18,7 @@ def off(problem: Problem, result: Smoothing, *, contradicting: bool = False) -> 
     contradicting: of outputs that are recorded with more than the states tell apart, by the structure of their equations; 0 where there
     are none.
     """
-    dae, shown, found = problem.dae, shown_noise(problem), [0.0]
+    dae, shown, found = problem.dae, shown_noise(problem)[0], [0.0]
     for row, piece in zip(shown, problem.fitted, strict=True):
         read = [i for i, q in enumerate(dae.outputs) if q.name in piece.outputs]
         if contradicting and ca.sprank(ca.jacobian(dae.output[read], ca.vertcat(dae.x, dae.z, dae.w))) == len(read):

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from backsight.models import Model
 from backsight.models.connectors import Rotational, Translational
 from backsight.models.language import Component, Connector, SignalInput, SignalOutput
-from backsight.models.mechanics.rotational import Gear
+from backsight.models.mechanics.rotational import Gear, RotationalRigid
+from backsight.models.mechanics.translational import Rigid
 from backsight.models.model import GROUNDS
 
+RIGID = (Rigid, RotationalRigid)
 KINDS: dict[type[Connector], str] = {Translational: "translational", Rotational: "rotational"}
 RATES = {"translational": "v", "rotational": "omega"}  # of a body, as a state
 

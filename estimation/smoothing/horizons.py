@@ -70,23 +70,23 @@ def check_varies(problem: Problem) -> None:
             )
 
 
-def shown_noise(problem: Problem, *, rounding: bool = True) -> Array:
-    """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; (H, ny).
+def shown_noise(problem: Problem) -> tuple[Array, Array]:
+    """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; each (H, ny).
 
-    An output that reads forces at once, such as an acceleration, is as rough as they are and shows nothing of its noise. rounding: or at
-    least what they are rounded to.
+    With what they are rounded to, which is the least, and without. An output that reads forces at once, such as an acceleration, is as
+    rough as they are and shows nothing of its noise.
     """
     dae = problem.dae
     at_once = {i for part in direct(dae, range(len(dae.places))) for i in part.sparsity().row()}
     whole = {recording.name: screened(recording) for recording in problem.recordings}  # outliers that a loss expects alternate as well
-    out = np.zeros((len(problem.fitted), len(problem.dae.outputs)))
-    for row, piece in zip(out, problem.fitted, strict=True):
+    least, white = (np.zeros((len(problem.fitted), len(problem.dae.outputs))) for _ in range(2))
+    for row, piece in enumerate(problem.fitted):
         own = whole[piece.name]
         for i, q in enumerate(dae.outputs):
             if q.name in piece.outputs and i not in at_once:
                 told = noise(own.time, own.outputs[q.name])
-                row[i] = told.least if rounding else told.white
-    return out
+                least[row, i], white[row, i] = told.least, told.white
+    return least, white
 
 
 def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, Known], step: float) -> Horizon:

@@ -59,13 +59,12 @@ def notes(
     """
     if not run.choice.solution.solved.status.converged:
         return _without_an_answer(problem, run, bounds, fit, residuals)
-    shown, silent = shown_noise(problem), nothing_there(problem, run)
+    (shown, white), silent = shown_noise(problem), nothing_there(problem, run)
     misled, low = (
         {which: note for which, note in said.items() if not _borne_out(fit.get(which[0], {}).get(which[1]))}
         for said in (too_sharp(problem, run, shown), far_below(problem, run, shown))
     )
-    doubts = contradictions(problem, run, shown_noise(problem, rounding=False))
-    loose, level = loose_weights(problem, run), doubted(fit, residuals)
+    doubts, loose, level = contradictions(problem, run, white), loose_weights(problem, run), doubted(fit, residuals)
     return (
         *misled.values(),
         *on_explaining(problem.posed, run.choice.solution, residuals),
@@ -111,7 +110,7 @@ def _without_an_answer(
     where = f" Where it stopped, {listed(held)} lay on {'a bound' if len(held) == 1 else 'bounds'}." if held else ""
     weights = f", leave out W of {listed(weighed)}, so that the data choose it" if (weighed := weighed_places(problem)) else ""
     return (
-        *too_sharp(problem, run, shown_noise(problem)).values(),
+        *too_sharp(problem, run, shown_noise(problem)[0]).values(),
         *_on_rates(problem),
         *(note for r in problem.recordings for said in (gap_note, lost_note) if (note := said(r))),
         *on_dead_inputs(problem),

@@ -119,7 +119,7 @@ def _smoothed(problem: Problem, settings: Settings, begin: Begun | None, say: Ca
     began = time.perf_counter()
     asked, plain, problem = problem, problem.plain, problem.posed
     stds, open_outputs = output_stds(problem)
-    laws, parameters, noise = friction_laws(plain), problem.values, LEAST_NOISE * shown_noise(problem)
+    laws, parameters, noise = friction_laws(plain), problem.values, LEAST_NOISE * shown_noise(problem)[0]
     if begin is None:
         begun = from_samples(plain, stds, laws, settings, say)
     else:

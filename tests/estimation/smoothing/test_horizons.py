@@ -95,6 +95,6 @@ def test_an_encoder_shows_its_noise_and_an_accelerometer_shows_the_forces_it_rea
     run = xy_table.record(seed=1, conditions=replace(xy_table.CONDITIONS, duration=1.0))
     recording = Recording(name="run", time=run.time, inputs=run.inputs, outputs=run.outputs)
     problem = Problem(model=PLANTS["xy_table"](), recordings=[recording])
-    shown = dict(zip((q.name for q in problem.dae.outputs), shown_noise(problem)[0], strict=True))
+    shown = dict(zip((q.name for q in problem.dae.outputs), shown_noise(problem)[0][0], strict=True))
     for name, std in run.noise.items():
         assert shown[name] == (0.0 if name.startswith("a") else pytest.approx(std, rel=0.15))
