@@ -43,7 +43,7 @@ from .verdict import Tried
 from .worth import Worth, gains
 
 DATES = 3  # times that the date of what sets in is sought anew
-HINT = 0.25  # of the floor: with as much left over and no other effect, couplings are tried, since what they do hides in inertias
+HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias
 NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 
 
@@ -103,7 +103,8 @@ class Round:
         most = self.sizes.most
         self._fit_the_likely(now)
         plain = [fit for fit in self.fitted if explaining(*fit)]
-        hinted = most > HINT * FLOOR or (self.base.settings.weigh and coloured(self.base.result))
+        alone = not self.accepted
+        hinted = most > HINT * FLOOR or (alone and self.base.settings.weigh and coloured(self.base.result))
         least = 0.0 if (contradicting := self._contradicting(plain)) else NEAR * most
         if contradicting or (not self._explained(plain) and (most > FLOOR or (hinted and not plain))):
             near = [(self._left_near(c.place, most), c) for c in self.candidates if c.dear]
@@ -117,7 +118,7 @@ class Round:
             good = self._borne_out(self._alone(fits, replace(now, nats=now.nats + without)))
         if moving and (nearer := self._from_a_fit(now, good)) is not None:
             return nearer
-        if not good and hinted and not self.accepted:
+        if not good and hinted and alone:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
         if not good:
             return None

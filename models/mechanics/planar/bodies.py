@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
-
 from ...connectors import Frame
 from ...language import Component, Equation, Expression, Parameter, Shared, Variable, balance, equal
+from .turned import turned
 from .world import World
 
 
@@ -46,8 +45,8 @@ class RigidBody(Component):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         m_x, m_y, J = self.moments(c)
-        cos, sin, world, frame = ca.cos(c.phi), ca.sin(c.phi), c.world, c.frame
-        h_x, h_y = m_x * cos - m_y * sin, m_x * sin + m_y * cos
+        world, frame = c.world, c.frame
+        h_x, h_y = turned(m_x, m_y, c.phi)
         a_x, a_y, a_phi = c.der(c.v_x), c.der(c.v_y), c.der(c.omega)
         inertia_x, inertia_y = c.m * a_x - h_y * a_phi - h_x * c.omega**2, c.m * a_y + h_x * a_phi - h_y * c.omega**2
         return {

@@ -8,6 +8,7 @@ import casadi as ca
 
 from ...connectors import Frame
 from ...language import Component, Equation, Expression, Parameter, Variable, equal
+from .turned import turned
 
 
 class Drag(Component):
@@ -30,8 +31,7 @@ class Drag(Component):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         frame, d = c.frame, self.resistance(c)
-        r_x = c.x_c * ca.cos(frame.phi) - c.y_c * ca.sin(frame.phi)
-        r_y = c.x_c * ca.sin(frame.phi) + c.y_c * ca.cos(frame.phi)
+        r_x, r_y = turned(c.x_c, c.y_c, frame.phi)
         return {
             "velocity x": equal(c.v_x, c.der(frame.x + r_x)),
             "velocity y": equal(c.v_y, c.der(frame.y + r_y)),

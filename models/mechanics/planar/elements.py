@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
-
 from ...connectors import Frame
 from ...language import Component, Equation, Parameter, SignalInput, equal, law
+from .turned import turned
 
 
 class FixedTranslation(Component):
@@ -24,7 +23,7 @@ class FixedTranslation(Component):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         a, b = c.frame_a, c.frame_b
-        d_x, d_y = c.r_x * ca.cos(a.phi) - c.r_y * ca.sin(a.phi), c.r_x * ca.sin(a.phi) + c.r_y * ca.cos(a.phi)
+        d_x, d_y = turned(c.r_x, c.r_y, a.phi)
         return {
             "position x": equal(b.x, a.x + d_x),
             "position y": equal(b.y, a.y + d_y),

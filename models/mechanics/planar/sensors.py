@@ -8,6 +8,7 @@ import casadi as ca
 
 from ...connectors import Frame
 from ...language import Component, Equation, Expression, Parameter, Shared, SignalOutput, Variable, equal
+from .turned import turned
 from .world import World
 
 
@@ -110,5 +111,5 @@ class Gyro(FrameSensor):
 
 def _point(c: Any) -> tuple[Expression, Expression]:
     """The point (x_c, y_c) of the frame, in the world."""
-    cos, sin = ca.cos(c.frame.phi), ca.sin(c.frame.phi)
-    return c.frame.x + c.x_c * cos - c.y_c * sin, c.frame.y + c.x_c * sin + c.y_c * cos
+    r_x, r_y = turned(c.x_c, c.y_c, c.frame.phi)
+    return c.frame.x + r_x, c.frame.y + r_y
