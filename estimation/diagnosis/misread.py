@@ -16,11 +16,14 @@ from typing import TypeVar
 
 import numpy as np
 
+from backsight.models.dae import Quantity
+
 from ..problem import Problem
 from ..recordings.units import OTHERS, to_si
 from ..results import Smoothing
 from ..smoothing.explaining import EXPLAINS_NOTHING
 from ..wording import quoted
+from .shares import FLOOR, left_over
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 Reading = Callable[[Problem], Problem]
@@ -51,13 +54,19 @@ def _explains_nothing(result: Smoothing) -> bool:
 def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Reading], Smoothing | None]) -> str:
     """What a study's columns may be, and the remedy; "" where no other reading of one or two of its outputs makes the model explain them.
 
-    result: of the problem as it is. smoothed: what it is called, how it is read -> its smoothing, None where there is none in time.
+    Units are left as they are where signs or an exchange explain all that matters. result: of the problem as it is. smoothed: what it is
+    called, how it is read -> its smoothing, None where there is none in time.
     """
     found = dict[str, float]()
-    for said, remedy, read in _readings(problem):
-        there = smoothed(f" if {said}", read)
-        if there is not None and there.solver.converged and not (lost(there) or idle(there)):
-            found[f"{said}: {remedy}"] = _force(there)
+    for readings in (_mixed_up(problem), _in_other_units(problem)):
+        explained = False
+        for said, remedy, read in readings:
+            there = smoothed(f" if {said}", read)
+            if there is not None and there.solver.converged and not (lost(there) or idle(there)):
+                found[f"{said}: {remedy}"] = _force(there)
+                explained |= max(left_over(read(problem), there).values(), default=0.0) < FLOOR
+        if explained:
+            break
     most = MORE * min(found.values(), default=0.0)
     if idle(result):
         most = min(most, LESS * _force(result))
@@ -70,20 +79,27 @@ def _force(result: Smoothing) -> float:
     return float(np.exp(np.mean(np.log(forces)))) if forces else 0.0
 
 
-def _readings(problem: Problem) -> Iterator[tuple[str, str, Reading]]:
-    """What columns may be in words, what to do then, and the problem as it is then; what is the likeliest comes first."""
-    outputs = [q for q in problem.dae.outputs if any(q.name in r.outputs for r in problem.recordings)]
-    pairs = list(combinations(outputs, 2))
+def _mixed_up(problem: Problem) -> Iterator[tuple[str, str, Reading]]:
+    """What columns may be in words, what to do then, and the problem as it is then, for signs and exchanged columns."""
+    outputs = _recorded(problem)
     for q in outputs:
         yield f"{q.name} has the other sign", f"negate the column of {q.name}", _changed(q.name, np.negative)
-    for a, b in sorted(pairs, key=lambda pair: pair[0].unit != pair[1].unit):
+    for a, b in sorted(combinations(outputs, 2), key=lambda pair: pair[0].unit != pair[1].unit):
         yield f"the columns of {a.name} and {b.name} are exchanged", "exchange them in the study", _exchanged(a.name, b.name)
+
+
+def _in_other_units(problem: Problem) -> Iterator[tuple[str, str, Reading]]:
+    """The same for units."""
     for power, words in ((1.0, "{0} read as {1}"), (-1.0, "{1} read as {0}")):
-        for q in outputs:
+        for q in _recorded(problem):
             for unit in OTHERS.get(q.unit, ()):
                 times = float(to_si(np.ones(1), unit, q.unit, where=q.name)[0]) ** power
                 said = f"{q.name} is {times:.4g} times what its column says, as of {words.format(quoted([unit]), quoted([q.unit]))}"
                 yield said, f"mend its unit in the study at {q.name}", _changed(q.name, partial(np.multiply, times))
+
+
+def _recorded(problem: Problem) -> list[Quantity]:
+    return [q for q in problem.dae.outputs if any(q.name in r.outputs for r in problem.recordings)]
 
 
 def _changed(name: str, change: Callable[[Array], Array]) -> Reading:
