@@ -249,7 +249,7 @@ class Problem:
 
         (`supposed.py`.) Itself where there are none.
         """
-        return supposed.split(supposed.lean(self))
+        return supposed.split(supposed.pinned(supposed.lean(self)))
 
     @cached_property
     def plain(self) -> Problem:

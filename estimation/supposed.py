@@ -7,7 +7,7 @@
     W of kinematics:...    relaxed_kinematics(state)
 
 In the posed problem places and parameters of the model keep their indices, and states their order (`models/augmentation/`); states that
-nothing depends on are left out (`models/quadratures.py`).
+nothing depends on are left out (`models/quadratures.py`), and where a machine stands is given where nothing tells it (`models/gauges.py`).
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backsight.models import Dae
+from backsight.models import Dae, Quantity
 from backsight.models.augmentation import by_case, coloured, drifting, measured_input, relaxed_kinematics, stationary_std, white_std
 from backsight.models.augmentation.parameters import case_name
+from backsight.models.gauges import gauges
 from backsight.models.quadratures import Ignorable, ignorable, without_ignorable
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 KINEMATICS, INPUT, PARAMETER, CASE = "kinematics:", "input:", "parameter:", "case:"
+PINNED = 1e-3  # of its nominal size: std of a position that is given since nothing else tells it
 
 
 def relaxable(dae: Dae) -> list[str]:
@@ -48,6 +50,22 @@ def lean(problem: Problem) -> Problem:
     """The problem without states that nothing depends on and of which nothing is known; itself where it has none."""
     dae = without_ignorable(problem.dae, {*problem.initial, *problem.bounds})
     return problem if dae is problem.dae else replace(problem, model=dae)
+
+
+def pinned(problem: Problem) -> Problem:
+    """The problem with what speeds say nothing of given: where the machine stands as a whole, at its start; itself where outputs tell."""
+    from .problem import Known
+
+    states = standing(problem)
+    if not states:
+        return problem
+    return replace(problem, initial={**problem.initial, **{q.name: Known(q.start, PINNED * q.nominal, always=True) for q in states}})
+
+
+def standing(problem: Problem) -> list[Quantity]:
+    """The states that `pinned` gives."""
+    read = {name for r in problem.recordings if r.role == "fit" for name in r.outputs}
+    return [problem.dae.states[i] for i in gauges(problem.dae, problem.values, read, problem.initial)]
 
 
 def left_out(problem: Problem) -> tuple[Ignorable, ...]:

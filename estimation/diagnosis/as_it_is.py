@@ -73,7 +73,12 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         if near is not None and found is not None and found.solver.converged:
             return AsItIs(problem=as_tight(posed, near, found), result=found, settings=HELD)
     weighed = weighed if near is None else replace(weighed, seconds=SHORTER)
-    found = smoothed("", weighed)
+    try:
+        found = smoothed("", weighed)
+    except FAILURES:
+        if near is None or not comparable(problem, near):
+            raise
+        found = None
     if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):
         raise InputError(f"diagnose: {EXPLAINS_NOTHING} of what was recorded. It explains more if {said}.")
     if found is not None and not found.solver.converged and comparable(problem, found):

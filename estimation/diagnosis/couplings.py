@@ -85,7 +85,7 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
         part = SHARE * whole
         body = name, (sliding.Mass(m=part) if slides else turning.Inertia(J=part))
     reduced = 1.0 / (1.0 / (before or SHARE * whole) + 1.0 / (behind or whole))
-    reading = sorted(neighbours(model, first) & sensors(model))
+    reading = sorted(n for n in neighbours(model, first) & sensors(model) if len(model.components[n].declared_connectors) == 1)
     extra = {f"{name}.{'m' if slides else 'J'}": (SHARE * whole, 1e-4 * whole, whole)} if body else {}
     found = list[Candidate]()
     for moved in (None, *reading):
@@ -96,7 +96,7 @@ def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, floa
             start = {f"{spot.name}.k": (k, k * 1e-4, k * 1e4), f"{spot.name}.d": (d, 0.0, d * 1e4), **extra}
             found.append(_of_transmission(place, "compliance", rebuilt(soft), start, {"k": f"{spot.name}.k", "d": f"{spot.name}.d"}))
         k, d = _tuned(reduced, RESONANCES[-1], DAMPING_OF_PLAY)
-        for share in PLAYS:
+        for share in PLAYS if motion.span > 0 else ():
             gap = share * motion.span
             start = {f"{spot.name}.gap": (gap, 0.0, gap * 100), f"{spot.name}.k": (k, k * 1e-2, k * 1e4), **extra}
             loose = rebuilt(_loose(slides, gap, k, d, CORNER * max(PLAYS) * motion.span))

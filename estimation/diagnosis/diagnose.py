@@ -8,6 +8,7 @@ and then the proof on what was held out. Everything is judged with trajectories,
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from backsight.models.errors import InputError
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
+from ..supposed import lean, pinned
 from ..workers import at_hand, workers
 from .as_it_is import AsItIs, as_it_is
 from .contradicted import contradicted
@@ -27,6 +29,7 @@ from .keep import Keep
 from .latent import Latent, without_force
 from .left_over import NAMELESS
 from .mismatch import mismatches
+from .noise_shown import with_noise_as_shown
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof import Case, Proof
 from .refit import FAILURES
@@ -61,6 +64,8 @@ def diagnose(
     """
     began, end, say = time.perf_counter(), time.time() + seconds, progress or (lambda _: None)
     problem, late = without_delays(problem)
+    # where the machine stands is given for the candidates, too: of a periodic one its phase tells the rest
+    problem = replace(problem, initial=pinned(lean(problem)).initial)
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
@@ -74,6 +79,7 @@ def diagnose(
         as_said = based(steadied, asking=True)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
+        steadied, as_said, loud = _with_noise_as_shown(steadied, as_said, based)
         now, straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
             standing=Standing(problem=now.problem, model=problem.model, result=now.result),
@@ -87,7 +93,7 @@ def diagnose(
     if straight and search.held is None:
         straight, first = "", as_said.result
     verdict, first = search.verdict(), without_offsets(first)
-    notes = [said for said in (late, split, straight, open_ones) if said]
+    notes = [said for said in (late, split, straight, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
@@ -155,3 +161,15 @@ def diagnose(
         seed=seed,
         notes=(*notes, *search.notes),
     )
+
+
+def _with_noise_as_shown(problem: Problem, found: AsItIs, based: Callable[[Problem], AsItIs]) -> tuple[Problem, AsItIs, str]:
+    """Problem and model as it is with noise as its samples show it, where that has far less and the model comes to rest with it."""
+    held, said = with_noise_as_shown(problem, found.result)
+    if not said:
+        return problem, found, ""
+    try:
+        there = based(held)
+    except FAILURES:
+        return problem, found, ""
+    return (held, there, said) if there.result.solver.converged else (problem, found, "")

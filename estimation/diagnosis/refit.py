@@ -131,7 +131,9 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
         value = start.get(name, guess)
         parameters[name] = Free(float(np.clip(value, low, high)), low, high)
-    return replace(problem, model=dae, parameters=parameters), edited
+    states = {q.name for q in dae.states}
+    initial = {name: value for name, value in problem.initial.items() if name in states}
+    return replace(problem, model=dae, parameters=parameters, initial=initial), edited
 
 
 def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, float]) -> dict[str, float]:

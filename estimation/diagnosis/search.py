@@ -12,7 +12,7 @@ from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.program import Settings
 from .candidates import Candidate
-from .choice import CLEAR, idle
+from .choice import CLEAR, chosen, idle
 from .elimination import Bare
 from .findings import verdict
 from .fits import Base, Fits
@@ -48,10 +48,10 @@ class Search:
 
     standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
     of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
-    compared: whether models could be. moved: how often the model as it is went where a fit came to rest. asked: beside which candidate it
-    was smoothed from the guesses, too. first: the model without anything that was found, with weights from the data where it was smoothed
-    with these; first_weights: of its problem. before: what there was before the last effect was found. aside: what was taken back to be
-    sought again with these weights.
+    compared: whether models could be; cut: whether what was likely beside the model as it stands had no time. moved: how often the model
+    as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model without
+    anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before: what there
+    was before the last effect was found. aside: what was taken back to be sought again with these weights.
     """
 
     standing: Standing
@@ -66,6 +66,7 @@ class Search:
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
+    cut: bool = field(default=False, init=False)
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
     first: Smoothing = field(init=False, repr=False)
@@ -111,6 +112,7 @@ class Search:
             if self._better_from_the_guesses(scored):
                 scored = self._scored()
             late = self.fits.left == 0
+            self.cut = late and bool(chosen(scored.found, scored.sizes))
             more = not late and len(self.standing.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
@@ -272,6 +274,7 @@ class Search:
             return False
         outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried += scored.tried
+        self.cut = any(fit.late for _, _, fit in scored.fitted)
         if isinstance(outcome, Base):
             self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
         elif outcome is not None:
@@ -349,5 +352,7 @@ class Search:
         self.standing = Standing(problem=problem, model=self.bare.model, result=self.first, findings=nameless)
 
     def verdict(self) -> Class:
-        """One word for what was found."""
-        return verdict(self.standing.findings) if self.compared else "undecided"
+        """One word for what was found; where nothing was, and models were not compared or had no time, there is none."""
+        if not self.compared or (self.cut and not self.standing.findings):
+            return "undecided"
+        return verdict(self.standing.findings)

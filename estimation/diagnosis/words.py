@@ -45,7 +45,7 @@ def _verdict(found: Diagnosis) -> str:
             if small := _small(found.tried):
                 return f"Nothing that matters is missing: what stands out, {named(small)}, is less than 1 % of what acts there."
             return "Nothing is missing: no effect in the library stands out of these recordings."
-        return "Something is missing, and these recordings do not tell what."
+        return "Whether anything is missing was not found out; the notes say why."
     match found.verdict:
         case "unknown_physics":
             nameless = [f for f in found.findings if f.explanation.physics == UNKNOWN] or list(found.findings)

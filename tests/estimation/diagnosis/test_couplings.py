@@ -15,6 +15,7 @@ from backsight.estimation.diagnosis.refit import begun, posed
 from backsight.estimation.problem import Free, Problem
 from backsight.estimation.recordings.recording import Recording
 from backsight.models import Model, compile_model, simulate
+from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalRigid, Torque, TorqueSensor
 from backsight.models.mechanics.translational import SpringDamper
 from backsight.models.plants import PLANTS, actuator, xy_table
 
@@ -145,6 +146,36 @@ def test_what_is_no_rigid_coupling_or_has_no_mass_behind_it_is_left_alone():
     soft = actuator(screw="compliant")
     (screw,) = elements(soft)
     assert of_coupling(soft, screw, MOTION, {"carriage": 75.0, "motor_mass": 20.0}) == []
+
+
+def test_a_cell_in_series_stays_where_it_is_and_a_coupling_that_never_turned_has_no_play():
+    """A torque cell before a rigid shaft: a sensor at the shaft, and yet what the torque goes through."""
+    model = Model(
+        name="brake",
+        components={
+            "source": Torque(), "rotor": Inertia(J=0.1), "cell": TorqueSensor(), "shaft": RotationalRigid(), "disc": Inertia(J=0.4),
+            "encoder": AngleSensor(),
+        },
+        connections=[
+            ("source.flange", "rotor.flange"), ("rotor.flange", "cell.flange_a"), ("cell.flange_b", "shaft.flange_a"),
+            ("shaft.flange_b", "disc.flange"), ("encoder.flange", "shaft.flange_a"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"tau_s": "cell.tau", "phi": "encoder.phi"},
+    )  # fmt: skip
+    (shaft,) = (spot for spot in elements(model) if spot.name == "shaft")
+    masses = {"rotor": 0.1, "disc": 0.4}
+    found = of_coupling(model, shaft, MOTION, masses)
+    assert {c.physics for c in found} == {"compliance", "backlash"}
+    ends = set()
+    for c in found:
+        edited = c.edited(model)
+        compile_model(edited)
+        assert {("rotor.flange", "cell.flange_a"), ("cell.flange_b", "shaft.flange_a")} <= set(edited.connections)
+        ends |= {b for a, b in edited.connections if a == "encoder.flange"}
+    assert ends == {"shaft.flange_a", "shaft.flange_b"}
+    still = of_coupling(model, shaft, replace(MOTION, low=0.0, high=0.0), masses)
+    assert {c.physics for c in still} == {"compliance"}
 
 
 def test_play_in_a_coupling_that_is_soft_already_takes_the_place_of_its_softness():

@@ -331,3 +331,10 @@ def test_a_search_without_time_names_nothing_and_says_why():
     assert d.findings[0].explanation.place == "carriage"
     assert d.tried == ()
     assert any("limit of time" in note for note in d.notes)
+
+
+@pytest.mark.parametrize(("level", "verdict"), [(1.4, "undecided"), (0.0, "none")])
+def test_a_search_without_time_does_not_say_that_nothing_is_missing_where_something_stands_out(level, verdict):
+    d = diagnose(case(f_c=level), jobs=1, seconds=0.0)
+    assert d.findings == ()
+    assert d.verdict == verdict

@@ -17,6 +17,7 @@ from backsight.estimation.diagnosis.refit import posed as put_in
 from backsight.estimation.diagnosis.shares import left_over
 from backsight.estimation.smoothing.begun import force_stds
 from backsight.estimation.smoothing.smoother import smoothing
+from backsight.models.errors import SolveError
 
 OFFSET = 0.35  # N.m, of a torque of 0.65 rms
 
@@ -86,3 +87,20 @@ def test_a_model_that_comes_to_rest_only_with_it_has_its_numbers(tmp_path):
     instead_of_it = fitted(settled(found.problem, found.result), problem.model, found.result.solution, torque, {}, HELD)
     assert not isinstance(instead_of_it.problem.weights, Latent)
     assert "residual.motor" not in {q.name for q in instead_of_it.problem.posed.dae.states}
+
+
+def test_a_model_that_weights_from_the_data_lead_beyond_all_measure_is_where_held_ones_left_it(tmp_path, monkeypatch):
+    problem = offset()
+    kept = Keep(tmp_path, problem)
+    near = smoothing(problem, settings=HELD)
+    lost = replace(near, solver=replace(near.solver, converged=False))
+    kept.put(kept.name("the model as it is, with weights from the forces' sizes"), (lost, near.solution))
+    monkeypatch.setattr("backsight.estimation.diagnosis.as_it_is.straining", lambda *_: [])
+
+    def astray(*_, **__):
+        raise SolveError("load.J grew beyond all measure")
+
+    monkeypatch.setattr("backsight.estimation.diagnosis.as_it_is.smoothing", astray)
+    found = as_it_is(problem, kept, lambda _: None)
+    assert found.settings is HELD
+    assert found.result.parameters["load.J"].value == near.parameters["load.J"].value

@@ -1,0 +1,50 @@
+"""What a model does not explain is no noise of its sensors where their samples show that they have none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from two_inertias import NOISE, drive, posed
+
+from backsight.estimation import Free, Problem, Weights, diagnose, smooth
+from backsight.estimation.diagnosis.noise_shown import FAR, with_noise_as_shown
+from backsight.models import Model
+from backsight.models.mechanics.rotational import RotationalRigid
+
+
+def rigid() -> Model:
+    """As somebody declares the drive who takes its shaft for rigid: two sensors of one speed then, of which one is off."""
+    soft = drive()
+    return replace(soft, components={**soft.components, "shaft": RotationalRigid()})
+
+
+def contradicting() -> Problem:
+    whole = posed()
+    return replace(whole, model=rigid(), parameters={"load.J": Free(0.05), "bearing.d": Free(0.06)})
+
+
+def test_noise_that_a_model_would_need_is_held_at_what_the_samples_show():
+    problem = replace(contradicting(), recordings=contradicting().recordings[:1])
+    held, said = with_noise_as_shown(problem, smooth(problem))
+    assert held.weights.V
+    assert all(std == pytest.approx(NOISE, rel=0.15) for std in held.weights.V.values())
+    assert all(f"{name} has" in said for name in held.weights.V)
+    assert with_noise_as_shown(held, smooth(held)) == (held, "")
+
+
+def test_noise_that_is_given_or_as_the_samples_show_it_stays():
+    problem = replace(contradicting(), recordings=contradicting().recordings[:1])
+    given = replace(problem, weights=Weights(V={"n_1": 50 * FAR * NOISE, "n_2": 50 * FAR * NOISE}))
+    assert with_noise_as_shown(given, smooth(given)) == (given, "")
+    whole = replace(posed(), recordings=posed().recordings[:1])
+    assert with_noise_as_shown(whole, smooth(whole)) == (whole, "")
+
+
+@pytest.mark.slow
+@pytest.mark.long
+def test_a_shaft_that_was_taken_for_rigid_is_found_though_nobody_gave_the_sensors_noise():
+    d = diagnose(contradicting(), jobs=1)
+    (finding,) = d.findings
+    assert (finding.explanation.place, finding.explanation.physics) == ("motor", "compliance")
+    assert finding.explanation.parameters["k"].value == pytest.approx(30.0, rel=0.02)
