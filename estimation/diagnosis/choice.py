@@ -12,7 +12,7 @@ import numpy as np
 
 from ..results import Smoothing
 from .candidates import Candidate
-from .density_ratio import more_probable_at
+from .density_ratio import more_probable_alike, more_probable_at
 from .offsets import PREFIX, counted_out
 from .refit import Fitted, holds
 from .screen import SURE, Screen, Screened
@@ -249,7 +249,7 @@ def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, ...]]]) 
 def idle(c: Candidate, result: Smoothing) -> bool:
     """Whether a model that has a candidate would be as good without it, or has it at nothing, on its bound.
 
-    Of couplings, which have no strength, nobody can say.
+    It is as good without one whose two strengths are one, where the model had that. Of couplings, which have no strength, nobody can say.
     """
     nothing = _nothing(c)
     if c.all_shape:
@@ -261,8 +261,12 @@ def idle(c: Candidate, result: Smoothing) -> bool:
     there = {n: p for n in ends if (p := result.parameters.get(n)) is not None}
     if there and all(p.on_bound and abs(p.value - ends[n]) <= near[n] for n, p in there.items()):
         return True
-    told = {n: end for n, end in nothing.items() if n in result.parameters and result.parameters[n].std is not None}
-    return bool(told) and more_probable_at(result, told) > -CLEAR
+    told = {n for n, p in result.parameters.items() if p.std is not None}
+    for both in (names.split() for names in c.absorbs.values()):
+        if len(both) == 2 and told.issuperset(both) and more_probable_alike(result, *both) > -CLEAR:
+            return True
+    at = {n: end for n, end in nothing.items() if n in told}
+    return bool(at) and more_probable_at(result, at) > -CLEAR
 
 
 def _nothing(c: Candidate) -> dict[str, float]:

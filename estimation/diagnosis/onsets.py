@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..recordings.recording import Recording
 from .score import Columns, Linearised
 from .screen import Screened, gain, plainly
 from .supermodel import Look
@@ -25,6 +26,21 @@ EDGE = 0.04  # of the recording: what starts before that starts with it
 SETTING_IN = frozenset(
     ("coulomb_friction", "viscous_friction", "constant_force", "added_mass", "input_gain", "input_offset", "sensor_gain", "sensor_bias")
 )
+
+
+def clocks_note(recordings: Sequence[Recording]) -> str:
+    """That onsets are not sought, where recordings have each a clock of its own; "" where they are."""
+    spans = [(float(r.time[0]), float(r.time[-1])) for r in recordings]
+    if not _overlapping(spans):
+        return ""
+    return (
+        "The times of the recordings overlap: each has a clock of its own, and whether anything sets in at some time was not asked. For "
+        "that give times that run on from one recording to the next."
+    )
+
+
+def _overlapping(spans: Sequence[tuple[float, float]]) -> bool:
+    return any(later[0] < earlier[1] for earlier, later in pairwise(sorted(spans)))
 
 
 def late(base: Linearised, looks: Sequence[Look]) -> Iterator[Look]:
@@ -103,7 +119,7 @@ class _Clock:
         """None where recordings have each their own: pieces of one follow each other."""
         t = base.solution.transcription
         ends = sorted((h.clock + h.time[0], h.clock + h.time[-1]) for h in t.horizons)
-        if any(later[0] < earlier[1] for earlier, later in pairwise(ends)):
+        if _overlapping(ends):
             return None
         starts = np.concatenate([h.clock + h.mesh.knots[:-1] for h in t.horizons])
         squares, multiplied = [np.empty(0)], [np.empty(0)]

@@ -11,7 +11,7 @@ from concealed_axis import posed, run
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.choice import SAME
 from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.onsets import ONSETS, dated, late, onset
+from backsight.estimation.diagnosis.onsets import ONSETS, clocks_note, dated, late, onset
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
 from backsight.estimation.diagnosis.supermodel import looked_at
@@ -103,3 +103,10 @@ def test_recordings_that_have_each_a_clock_have_no_date_together():
     times = [look.candidate.onset for look in late(base, looked_at(again, again.model, base, found))]
     assert len(times) == ONSETS
     assert times[-1] > 9.0
+
+
+def test_of_recordings_with_clocks_of_their_own_nobody_asks_and_a_note_says_so():
+    (first,) = posed(run(0.2, 2e-3)).recordings
+    later = replace(first, name="later", time=first.time + first.time[-1] + 1.0)
+    assert clocks_note([first]) == clocks_note([later, first]) == ""
+    assert "overlap" in clocks_note([first, later, replace(first, name="again")])
