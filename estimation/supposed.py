@@ -59,7 +59,11 @@ def pinned(problem: Problem) -> Problem:
     states = standing(problem)
     if not states:
         return problem
-    return replace(problem, initial={**problem.initial, **{q.name: Known(q.start, PINNED * q.nominal, always=True) for q in states}})
+    given = dict(problem.initial)
+    for q in states:
+        low, high = problem.bounds.get(q.name, (-np.inf, np.inf))
+        given[q.name] = Known(float(np.clip(q.start, low, high)), PINNED * q.nominal, always=True)
+    return replace(problem, initial=given)
 
 
 def standing(problem: Problem) -> list[Quantity]:

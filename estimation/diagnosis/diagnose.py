@@ -33,7 +33,7 @@ from .noise_shown import with_noise_as_shown
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
 from .onsets import clocks_note
 from .proof import Case, Proof
-from .refit import FAILURES
+from .refit import FAILURES, known_of
 from .search import Search
 from .sizes_known import with_sizes_known
 from .standing import Standing
@@ -115,7 +115,7 @@ def diagnose(
     )
 
     def seen(case: Case) -> Case:
-        return replace(case[0], recordings=recordings, initial=problem.initial), at_nothing(case[1])
+        return replace(case[0], recordings=recordings, initial=known_of(problem, case[0].dae)), at_nothing(case[1])
 
     try:
         if unseen:
@@ -152,7 +152,7 @@ def diagnose(
             model=search.standing.model,
             parameters=own_of(search.problem),
             recordings=recordings,
-            initial=problem.initial,
+            initial=known_of(problem, search.problem.dae),
         ),
         held_out=held_out,
         undetectable=tuple(search.undetectable),

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from backsight.models import Model, compile_model
+from backsight.models import Dae, Model, compile_model
 from backsight.models.errors import InputError, ModelError, OutOfTime, SolveError
 from backsight.ocp import Options, Solution
 
-from ..problem import Free, Problem
+from ..problem import Free, Known, Problem
 from ..results import Smoothing
 from ..smoothing.begun import Begun, followed_by, force_stds
 from ..smoothing.horizons import sampling_interval
@@ -131,9 +131,13 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
         value = start.get(name, guess)
         parameters[name] = Free(float(np.clip(value, low, high)), low, high)
+    return replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae)), edited
+
+
+def known_of(problem: Problem, dae: Dae) -> dict[str, float | Known]:
+    """What a problem knows of the start, of the states that another model has: an edit may make another one stand for a joint."""
     states = {q.name for q in dae.states}
-    initial = {name: value for name, value in problem.initial.items() if name in states}
-    return replace(problem, model=dae, parameters=parameters, initial=initial), edited
+    return {name: value for name, value in problem.initial.items() if name in states}
 
 
 def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, float]) -> dict[str, float]:

@@ -18,6 +18,7 @@ from .choice import (
     held_unseen,
     inside_unseen,
     plainest_first,
+    plainness,
     simplest,
     sound,
     steady,
@@ -122,9 +123,9 @@ class Round:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
         if not good:
             return None
-        best = simplest([(f, f[1], f[2].gain, f[0].plainness) for f in good])
+        best = simplest([(f, f[1], f[2].gain, _plainness(f)) for f in good])
         same = indistinct(best, good)
-        best, same = min([best, *same], key=lambda f: (f[0].plainness, -f[2].gain)), [best, *same]
+        best, same = min([best, *same], key=lambda f: (_plainness(f), -f[2].gain)), [best, *same]
         return Best(judged=self._set_in(best), same=tuple(f[0] for f in same))
 
     def _fit_the_likely(self, now: Worth) -> None:
@@ -291,6 +292,11 @@ class Round:
             return left[place]
         joined = {merged.get(name, name) for name in joined_to(self.base.model, place)}
         return max((left[name] for name in joined if name in left), default=most)
+
+
+def _plainness(fit: Judged) -> tuple[int, ...]:
+    c, _, f = fit
+    return plainness(c, np.zeros(len(c.strengths)) if f.result is None else fitted_strengths(c, f.result))
 
 
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:

@@ -87,6 +87,8 @@ class SeriesSensor(Component):
 class ForceSensor(SeriesSensor):
     """A load cell.   f = gain flange_a.f + bias
 
+    It reads a push of flange_a along the axis as positive: compression where flange_b is further along it, tension the other way round.
+
     Signals:    f [N] (output)
     Connectors: flange_a, flange_b
     Parameters: gain [1] 1 by default; bias [N] 0 by default

@@ -29,6 +29,7 @@ from backsight.estimation.diagnosis.choice import (
     idle,
     matters,
     plainest_first,
+    plainness,
     simpler_there,
     simplest,
     sound,
@@ -343,3 +344,14 @@ def test_the_plainest_law_that_may_hold_a_body_is_fitted_before_richer_ones():
 
 def with_candidate(s: Screened, **changes: object) -> Screened:
     return replace(s, look=replace(s.look, candidate=replace(s.look.candidate, **changes)))
+
+
+@pytest.mark.parametrize(("given", "found", "last"), [(0.3, 0.65, True), (0.3, 0.4, False), (-0.3, -0.1, True), (0.0, 5.0, False)])
+def test_a_number_of_the_study_that_would_be_off_by_half_of_itself_is_named_last(given, found, last):
+    """Of one that the study says is nothing nobody can say by how much it is off."""
+    start = {"tyre.r": (given, -np.inf, np.inf)}
+    wrong = Candidate(place="tyre", family="parameter", physics="wrong_parameter", strengths=("tyre.r",), start=start)
+    friction = Candidate(place="tyre", family="friction", physics="coulomb_friction", strengths=("tyre.r",), start=start)
+    told = plainness(wrong, [found - given])
+    assert told == (last, *wrong.plainness)
+    assert (told > plainness(friction, [found - given])) is last

@@ -34,3 +34,9 @@ def test_drag_at_the_load_is_found_with_its_number():
     (finding,) = d.findings
     assert (finding.explanation.place, finding.explanation.physics) == ("load", "quadratic_drag")
     assert finding.explanation.parameters["c"].value == pytest.approx(0.02, rel=0.03)
+
+
+def test_where_it_stands_is_within_the_bounds_of_what_tells_it():
+    (name,) = posed().posed.initial
+    bounded = replace(posed(), bounds={name: (10.0, 1e6)})
+    assert bounded.posed.initial[name].value == 10.0
