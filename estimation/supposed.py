@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from backsight.models import Dae, Quantity
+from backsight.models import Dae
 from backsight.models.augmentation import by_case, coloured, drifting, measured_input, relaxed_kinematics, stationary_std, white_std
 from backsight.models.augmentation.parameters import case_name
 from backsight.models.gauges import gauges
@@ -56,20 +56,15 @@ def pinned(problem: Problem) -> Problem:
     """The problem with what speeds say nothing of given: where the machine stands as a whole, at its start; itself where outputs tell."""
     from .problem import Known
 
-    states = standing(problem)
-    if not states:
+    read = {name for r in problem.recordings if r.role == "fit" for name in r.outputs}
+    open_ones = gauges(problem.dae, problem.values, read, problem.initial)
+    if not open_ones:
         return problem
     given = dict(problem.initial)
-    for q in states:
+    for q in (problem.dae.states[i] for i in open_ones):
         low, high = problem.bounds.get(q.name, (-np.inf, np.inf))
         given[q.name] = Known(float(np.clip(q.start, low, high)), PINNED * q.nominal, always=True)
     return replace(problem, initial=given)
-
-
-def standing(problem: Problem) -> list[Quantity]:
-    """The states that `pinned` gives."""
-    read = {name for r in problem.recordings if r.role == "fit" for name in r.outputs}
-    return [problem.dae.states[i] for i in gauges(problem.dae, problem.values, read, problem.initial)]
 
 
 def left_out(problem: Problem) -> tuple[Ignorable, ...]:

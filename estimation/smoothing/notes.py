@@ -16,7 +16,7 @@ from backsight.ocp import Solution
 from ..problem import Free, Problem
 from ..recordings.gaps import gap_note, lost_note, rates_note, seconds_note
 from ..results import DOUBT, TELLING, OutputFit, ResidualSummary, doubted
-from ..supposed import INPUT, lean, left_out, standing
+from ..supposed import INPUT, left_out
 from ..wording import listed, per_root_bandwidth, probability
 from .agreement import MISLEAD, contradictions, far_below, loose_weights, nothing_there, too_sharp
 from .beforehand import contradicted
@@ -284,7 +284,8 @@ def _on_what_is_left_out(problem: Problem) -> list[str]:
     found, names = list[str](), [problem.dae.states[g.state].name for g in left_out(problem)]
     if names:
         found.append(f"No equation and no output depends on {listed(names)}: they are told from an arbitrary start.")
-    if pinned := [f"{q.name} = {q.start:g} {q.unit}" for q in standing(lean(problem))]:
+    units = {q.name: q.unit for q in problem.dae.states}
+    if pinned := [f"{name} = {at.value:g} {units[name]}" for name, at in problem.split.start.items() if name not in problem.initial]:
         found.append(f"No equation and no output tells where the machine stands as a whole: it starts at {listed(pinned)}.")
     return found
 
