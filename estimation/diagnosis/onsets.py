@@ -29,25 +29,31 @@ SETTING_IN = frozenset(
 
 
 def clocks_note(recordings: Sequence[Recording]) -> str:
-    """That onsets are not sought, where recordings have each a clock of its own; "" where they are."""
-    spans = [(float(r.time[0]), float(r.time[-1])) for r in recordings]
-    if not _overlapping(spans):
+    """What setting in means, where recordings have each a clock of its own; "" where they follow each other."""
+    spans = sorted((float(r.time[0]), float(r.time[-1])) for r in recordings)
+    if not any(later[0] < earlier[1] for earlier, later in pairwise(spans)):
         return ""
     return (
-        "The times of the recordings overlap: each has a clock of its own, and whether anything sets in at some time was not asked. For "
-        "that give times that run on from one recording to the next."
+        "The times of the recordings overlap: what sets in was sought at the same time of each. For what sets in once and stays, give "
+        "times that run on from one recording to the next."
     )
 
 
-def _overlapping(spans: Sequence[tuple[float, float]]) -> bool:
-    return any(later[0] < earlier[1] for earlier, later in pairwise(sorted(spans)))
+def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """What is covered by any of them, in order."""
+    first, *rest = sorted(spans)
+    out = [first]
+    for begin, end in rest:
+        if begin <= out[-1][1]:
+            out[-1] = (out[-1][0], max(end, out[-1][1]))
+        else:
+            out.append((begin, end))
+    return tuple(out)
 
 
 def late(base: Linearised, looks: Sequence[Look]) -> Iterator[Look]:
-    """What sets in, at a row of times; of recordings that have each a clock of its own, nothing."""
+    """What sets in, at a row of times."""
     clock = _Clock.of(base)
-    if clock is None:
-        return
     for look in looks:
         if look.candidate.physics in SETTING_IN:
             for time in clock.grid:
@@ -59,9 +65,9 @@ def late(base: Linearised, looks: Sequence[Look]) -> Iterator[Look]:
 def dated(base: Linearised, found: Screened) -> Screened:
     """With the time when it sets in found more closely; as it is if it acts all along."""
     clock, whole, onset = _Clock.of(base), found.look.whole, found.candidate.onset
-    if clock is None or whole is None or onset is None:
+    if whole is None or onset is None:
         return found
-    time, most = clock.best(base, whole.columns, clock.about(onset, clock.span / (ONSETS + 1)))
+    time, most = clock.best(base, whole.columns, clock.about(onset, clock.step))
     since = whole.candidate.since(time)
     if since is None or most <= found.gain:
         return found
@@ -78,10 +84,8 @@ def moved(base: Linearised, whole: Look, strengths: Array, onset: float) -> tupl
     base: of the fit; whole: a look there at the same effect acting all along.
     """
     clock = _Clock.of(base)
-    if clock is None:
-        return onset, 0.0
     had, best, most = clock.after(whole.columns, onset), onset, 0.0
-    for step in (clock.span / (ONSETS + 1), clock.span / (ONSETS + 1) / (FINER - 1)):
+    for step in (clock.step, clock.step / (FINER - 1)):
         times = clock.about(best, step)
         parts = [clock.after(whole.columns, time).less(had).times(strengths) for time in times]
         scores = base.scores(Columns.joined(parts))
@@ -93,34 +97,32 @@ def moved(base: Linearised, whole: Look, strengths: Array, onset: float) -> tupl
 
 
 def onset(base: Linearised, found: Screened) -> float | None:
-    """The time from which on it acts [s]; None from the start, and of recordings that have each a clock of its own.
+    """The time from which on it acts [s]; None from the start.
 
     Of what might set in as a candidate of its own, what that says; of others, what their score says.
     """
-    clock = _Clock.of(base)
-    if found.candidate.physics in SETTING_IN or clock is None:
+    if found.candidate.physics in SETTING_IN:
         return found.candidate.onset
+    clock = _Clock.of(base)
     first, _ = clock.best(base, found.look.columns, clock.grid)
-    time, most = clock.best(base, found.look.columns, clock.about(first, clock.span / (ONSETS + 1)))
+    time, most = clock.best(base, found.look.columns, clock.about(first, clock.step))
     return time if plainly(most, found.gain) and time > clock.low + EDGE * clock.span else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Clock:
-    """Time of every row of the squares, and of those with multipliers; low, span: of the samples [s]."""
+    """Time of every row of the squares, and of those with multipliers; stretches: of time that was recorded, in order [s].
+
+    It is the model's: of recordings that have each a clock of its own what sets in does so at the same time of each.
+    """
 
     squares: Array
     multiplied: Array
-    low: float
-    span: float
+    stretches: tuple[tuple[float, float], ...]
 
     @classmethod
-    def of(cls, base: Linearised) -> _Clock | None:
-        """None where recordings have each their own: pieces of one follow each other."""
+    def of(cls, base: Linearised) -> _Clock:
         t = base.solution.transcription
-        ends = sorted((h.clock + h.time[0], h.clock + h.time[-1]) for h in t.horizons)
-        if _overlapping(ends):
-            return None
         starts = np.concatenate([h.clock + h.mesh.knots[:-1] for h in t.horizons])
         squares, multiplied = [np.empty(0)], [np.empty(0)]
         for term in t.nlp.terms:
@@ -130,13 +132,32 @@ class _Clock:
             elif term.nodes is not None:
                 at = at + t.nlp.steps[term.interval] / 2
             (multiplied if term.equality or term.heavy else squares).append(np.repeat(at, term.target.shape[0]))
-        low = float(ends[0][0])
-        return cls(squares=np.concatenate(squares), multiplied=np.concatenate(multiplied), low=low, span=float(ends[-1][1]) - low)
+        recorded = _joined([(float(h.clock + h.time[0]), float(h.clock + h.time[-1])) for h in t.horizons])
+        return cls(squares=np.concatenate(squares), multiplied=np.concatenate(multiplied), stretches=recorded)
+
+    @property
+    def low(self) -> float:
+        """Of the first sample [s]."""
+        return self.stretches[0][0]
+
+    @property
+    def span(self) -> float:
+        """What was recorded altogether [s]."""
+        return sum(end - begin for begin, end in self.stretches)
+
+    @property
+    def step(self) -> float:
+        """Between two times that are looked at first [s]."""
+        return self.span / (ONSETS + 1)
 
     @property
     def grid(self) -> list[float]:
-        """Times that are looked at first."""
-        return [self.low + self.span * k / (ONSETS + 1) for k in range(1, ONSETS + 1)]
+        """Times that are looked at first: one after every step of what was recorded, and the end of every pause that is longer than one."""
+        ended = np.cumsum([0.0, *(end - begin for begin, end in self.stretches)])
+        passed = self.step * np.arange(1, ONSETS + 1)
+        within = np.searchsorted(ended, passed, side="right") - 1
+        evenly = [self.stretches[k][0] + float(time - ended[k]) for k, time in zip(within, passed, strict=True)]
+        return sorted([*evenly, *(later[0] for earlier, later in pairwise(self.stretches) if later[0] - earlier[1] > self.step)])
 
     def about(self, time: float, step: float) -> list[float]:
         """Times about one, a step before to a step after it [s]."""
