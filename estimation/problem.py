@@ -135,7 +135,7 @@ class Problem:
     model: a `Model` or its compiled `Dae`. recordings: those with role "fit" are fitted, the others predicted. parameters: name ->
     `Free` or a fixed value; those not named keep the model's value. initial: state -> its value at the start of every recording [SI],
     exactly, or `Known(value, std)`; of the others nothing is known. bounds: state -> (lowest, highest) [SI], infinite where there is none;
-    they hold at the knots of the mesh.
+    they hold at the knots of the mesh. stands: (recording, part) -> state -> where it is put since nothing tells it (`supposed.py`).
     """
 
     model: Model | Dae
@@ -144,6 +144,7 @@ class Problem:
     weights: Weights = field(default_factory=Weights)
     initial: Mapping[str, float | Known] = field(default_factory=dict)
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    stands: Mapping[tuple[str, int], Mapping[str, Known]] = field(default_factory=dict, repr=False)
     declared: Model | Dae | None = field(
         default=None, init=False, repr=False, compare=False
     )  # the model without delays that were asked for
@@ -249,7 +250,7 @@ class Problem:
 
         (`supposed.py`.) Itself where there are none.
         """
-        return supposed.split(supposed.pinned(supposed.lean(self)))
+        return supposed.split(supposed.standing(supposed.lean(self)))
 
     @cached_property
     def plain(self) -> Problem:
@@ -270,6 +271,11 @@ class Problem:
     def start(self) -> dict[str, Known]:
         """State -> what is known of it at the start."""
         return {name: value if isinstance(value, Known) else Known(float(value)) for name, value in self.initial.items()}
+
+    def known_at(self, piece: Recording) -> dict[str, Known]:
+        """State -> what is known of it at the start of a piece of a recording, and where it is put there."""
+        given = {name: known for name, known in self.start.items() if piece.part == 0 or known.always}
+        return given | dict(self.stands.get((piece.name, piece.part), {}))
 
     @cached_property
     def fitted(self) -> tuple[Recording, ...]:

@@ -20,7 +20,7 @@ import numpy as np
 from backsight.models import Dae
 from backsight.models.augmentation import by_case, coloured, drifting, measured_input, relaxed_kinematics, stationary_std, white_std
 from backsight.models.augmentation.parameters import case_name
-from backsight.models.gauges import gauges
+from backsight.models.gauges import Gauges
 from backsight.models.quadratures import Ignorable, ignorable, without_ignorable
 
 if TYPE_CHECKING:
@@ -52,19 +52,24 @@ def lean(problem: Problem) -> Problem:
     return problem if dae is problem.dae else replace(problem, model=dae)
 
 
-def pinned(problem: Problem) -> Problem:
-    """The problem with what speeds say nothing of given: where the machine stands as a whole, at its start; itself where outputs tell."""
+def standing(problem: Problem) -> Problem:
+    """The problem with what speeds say nothing of given: where the machine stands as a whole, at the start of every piece.
+
+    Itself where outputs, bounds, or what is known of the start tell it.
+    """
     from .problem import Known
 
-    read = {name for r in problem.recordings if r.role == "fit" for name in r.outputs}
-    open_ones = gauges(problem.dae, problem.values, read, problem.initial)
-    if not open_ones:
-        return problem
-    given = dict(problem.initial)
-    for q in (problem.dae.states[i] for i in open_ones):
-        low, high = problem.bounds.get(q.name, (-np.inf, np.inf))
-        given[q.name] = Known(float(np.clip(q.start, low, high)), PINNED * q.nominal, always=True)
-    return replace(problem, initial=given)
+    bounded = {name for name, bounds in problem.bounds.items() if np.any(np.isfinite(bounds))}
+    found, told, shifts = dict[tuple[str, int], dict[str, Known]](), dict[tuple[frozenset[str], frozenset[str]], list[int]](), None
+    for piece in problem.fitted:
+        case = frozenset(piece.outputs), frozenset(problem.known_at(piece)) | bounded
+        if case not in told:
+            shifts = shifts or Gauges(problem.dae, problem.values)
+            told[case] = shifts.open(*case)
+        if told[case]:
+            open_ones = (problem.dae.states[i] for i in told[case])
+            found[piece.name, piece.part] = {q.name: Known(q.start, PINNED * q.nominal) for q in open_ones}
+    return replace(problem, stands=found) if found else problem
 
 
 def left_out(problem: Problem) -> tuple[Ignorable, ...]:

@@ -146,7 +146,7 @@ def _followed(
     R = np.diag([stds[name] ** 2 for name in labels])
     spread = np.array([(abs(q.nominal) + max(abs(float(p.get(q.name, 0.0))) for p in points)) ** 2 for q in dae.states])
     # after a gap only what always holds is known
-    known = {name: k.value for name, k in problem.start.items() if k.std == 0 and (recording.part == 0 or k.always)}
+    known = {name: k.value for name, k in problem.known_at(recording).items() if k.std == 0}
     start = np.array([known.get(q.name, np.nan) for q in dae.states])
     x0 = [np.where(np.isnan(start), p.at, start) for p in plants]
     P0 = np.diag(np.where(np.isnan(start), spread, 0.0))

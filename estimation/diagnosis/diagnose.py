@@ -17,7 +17,6 @@ from backsight.models.errors import InputError
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
-from ..supposed import lean, pinned
 from ..workers import at_hand, workers
 from .as_it_is import AsItIs, as_it_is
 from .contradicted import contradicted
@@ -65,8 +64,6 @@ def diagnose(
     """
     began, end, say = time.perf_counter(), time.time() + seconds, progress or (lambda _: None)
     problem, late = without_delays(problem)
-    # where the machine stands is given for the candidates, too: of a periodic one its phase tells the rest
-    problem = replace(problem, initial=pinned(lean(problem)).initial)
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)

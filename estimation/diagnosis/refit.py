@@ -19,6 +19,7 @@ import numpy as np
 
 from backsight.models import Dae, Model, compile_model
 from backsight.models.errors import InputError, ModelError, OutOfTime, SolveError
+from backsight.models.gauges import Gauges
 from backsight.ocp import Options, Solution
 
 from ..problem import Free, Known, Problem
@@ -29,6 +30,7 @@ from ..smoothing.program import Settings
 from ..smoothing.rest import friction_laws, other_widths
 from ..smoothing.smoother import smoothing
 from ..smoothing.unseen import moving_unseen
+from ..supposed import left_out
 from .candidates import Candidate
 from .held import rescaled
 from .latent import held_there, without_force
@@ -131,7 +133,21 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
         value = start.get(name, guess)
         parameters[name] = Free(float(np.clip(value, low, high)), low, high)
-    return replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae)), edited
+    now = replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae))
+    return (_put_somewhere(now, candidate) if problem.split.stands or left_out(problem) else now), edited
+
+
+def _put_somewhere(problem: Problem, candidate: Candidate) -> Problem:
+    """Of a machine that stands anywhere without the candidate, the problem with that candidate's phases and positions where fits begin.
+
+    Where the machine stands is told from there then; both could be shifted alike.
+    """
+    lean, own = problem.split, {*candidate.strengths, *candidate.start}
+    along = [i for i in lean.free if lean.dae.parameters[i].name in own]
+    piece = lean.fitted[0]
+    held = Gauges(lean.dae, lean.values, along).taken_along(piece.outputs, lean.known_at(piece))
+    given = {lean.dae.parameters[along[k]].name: float(lean.values[along[k]]) for k in held}
+    return replace(problem, parameters={**problem.parameters, **given})
 
 
 def known_of(problem: Problem, dae: Dae) -> dict[str, float | Known]:

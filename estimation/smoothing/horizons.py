@@ -90,13 +90,12 @@ def shown_noise(problem: Problem) -> tuple[Array, Array]:
 
 
 def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, Known], step: float) -> Horizon:
-    """One recording on a mesh of about `step` [s]; `initial` is known of its own start, not of that of a piece after a gap."""
+    """A piece of a recording on a mesh of about `step` [s]; initial: what is known of its start."""
     n = len(recording.time)
     target, target_std = np.full((n, len(dae.outputs)), np.nan), np.ones((n, len(dae.outputs)))
     for i, output in enumerate(dae.outputs):
         if output.name in recording.outputs:
             target[:, i], target_std[:, i] = recording.outputs[output.name], std[output.name]
-    known = {name: start for name, start in initial.items() if recording.part == 0 or start.always}
     # times from the recording's own start: a clock that counts from 1970 would cost digits
     time = recording.time - recording.time[0]
     drive = drive_of(recording)
@@ -106,8 +105,8 @@ def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initi
         inputs=np.column_stack([drive.inputs[q.name] for q in dae.inputs]) if dae.inputs else np.empty((len(drive.time), 0)),
         target=target,
         target_std=target_std,
-        initial=np.array([known[q.name].value if q.name in known else 0.0 for q in dae.states]),
-        initial_std=np.array([known[q.name].std if q.name in known else np.inf for q in dae.states]),
+        initial=np.array([initial[q.name].value if q.name in initial else 0.0 for q in dae.states]),
+        initial_std=np.array([initial[q.name].std if q.name in initial else np.inf for q in dae.states]),
         clock=float(recording.time[0]),
         hold=recording.hold,
         drive_time=drive.time - recording.time[0] if recording.drive is not None else None,

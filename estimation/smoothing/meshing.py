@@ -53,7 +53,7 @@ def follow_closely(problem: Problem, stds: list[dict[str, float]], step: float |
     """
     for count in FOLLOWED:
         horizons = [
-            make_horizon(problem.dae, screened(r), std, problem.start, step or count * sampling_interval(r))
+            make_horizon(problem.dae, screened(r), std, problem.known_at(r), step or count * sampling_interval(r))
             for r, std in zip(problem.fitted, stds, strict=True)
         ]
         followed = follow(problem.dae, horizons, problem.values)
@@ -124,7 +124,7 @@ def mesh(
         at_once = direct_share(places, std, density) > DIRECT
         longest = 1.0 if rigid_here else LONGEST
         own = float(np.clip(RESOLUTION / rate if rate > 0 else np.inf, finest * dt, longest * dt))
-        made = make_horizon(problem.dae, recording, table, problem.start, step or own)
+        made = make_horizon(problem.dae, recording, table, problem.known_at(recording), step or own)
         if at_once and step is None:
             made = replace(made, mesh=_at_readings(problem, horizon, soft, LONGEST * own))
         horizons.append(made if step else _split_at_steps(problem, made, places, table, degree, STEPS_UNSEEN))

@@ -150,8 +150,7 @@ def _on_few(problem: Problem) -> list[str]:
     """Fewer numbers than deviations mean anything for."""
     posed = problem.posed
     count = sum(int(np.isfinite(y).sum()) for piece in posed.fitted for y in piece.outputs.values())
-    certain = [start for start in posed.start.values() if start.std == 0]
-    starts = sum(len(posed.dae.states) - sum(piece.part == 0 or start.always for start in certain) for piece in posed.fitted)
+    starts = sum(len(posed.dae.states) - sum(known.std == 0 for known in posed.known_at(piece).values()) for piece in posed.fitted)
     unknown = len(posed.free) + starts
     if count >= FEW * unknown:
         return []
@@ -285,8 +284,8 @@ def _on_what_is_left_out(problem: Problem) -> list[str]:
     if names:
         found.append(f"No equation and no output depends on {listed(names)}: they are told from an arbitrary start.")
     units = {q.name: q.unit for q in problem.dae.states}
-    if pinned := [f"{name} = {at.value:g} {units[name]}" for name, at in problem.split.start.items() if name not in problem.initial]:
-        found.append(f"No equation and no output tells where the machine stands as a whole: it starts at {listed(pinned)}.")
+    if stands := sorted({f"{name} = {at.value:g} {units[name]}" for of in problem.split.stands.values() for name, at in of.items()}):
+        found.append(f"No equation and no output tells where the machine stands as a whole: it starts at {listed(stands)}.")
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backsight.models import Model, compile_model
-from backsight.models.gauges import gauges
+from backsight.models.gauges import Gauges
 from backsight.models.mechanics.rotational import (
     AngleSensor,
     AngularVelocitySensor,
@@ -19,7 +19,7 @@ from backsight.models.mechanics.rotational import (
     RotationalSpringDamper,
     Torque,
 )
-from backsight.models.mechanics.translational import Fixed, Mass, Spring
+from backsight.models.mechanics.translational import Cogging, EndStop, Fixed, Mass, Spring
 from backsight.models.plants import drillstring, five_bar, xy_table
 
 RATIO = 9.0
@@ -52,7 +52,7 @@ def train(*, angle: bool = False, held: bool = False) -> Model:
 def of(model: Model, outputs=None, kept=()) -> list[str]:
     dae = compile_model(model)
     read = [q.name for q in dae.outputs] if outputs is None else outputs
-    return [dae.states[i].name for i in gauges(dae, np.array([p.value for p in dae.parameters]), read, kept)]
+    return [dae.states[i].name for i in Gauges(dae, np.array([p.value for p in dae.parameters])).open(read, kept)]
 
 
 def test_speeds_do_not_tell_where_a_machine_stands():
@@ -97,3 +97,39 @@ def test_two_machines_stand_each_somewhere():
 @pytest.mark.parametrize("plant", [xy_table, drillstring, five_bar])
 def test_plants_whose_outputs_tell_have_none(plant):
     assert of(plant()) == []
+
+
+@pytest.mark.parametrize("far", [0.3, 2.0, 40.0, 400.0])
+def test_a_stop_tells_it_however_far_away(far):
+    stop = train(held=True)
+    parts = {**stop.components, "band": EndStop(x=far, k=1e4, d=10.0)}
+    assert of(replace(stop, components=parts)) == []
+
+
+def along(model: Model, *names: str) -> list[str]:
+    dae = compile_model(model)
+    indices = [i for i, q in enumerate(dae.parameters) if q.name in names]
+    found = Gauges(dae, np.array([q.value for q in dae.parameters]), indices).taken_along([q.name for q in dae.outputs])
+    return [dae.parameters[indices[k]].name for k in found]
+
+
+def test_a_shift_takes_the_phase_of_a_wave_along_and_not_its_size():
+    waves = train(held=True)
+    waves = replace(waves, components={**waves.components, "band": Cogging(amplitude=3.0, period=0.05)})
+    assert of(waves) == []
+    assert along(waves, "band.amplitude", "band.period", "band.phase") == ["band.phase"]
+    assert along(waves, "band.amplitude", "band.period") == []
+    read = {**waves.components, "encoder": AngleSensor()}
+    assert along(replace(waves, components=read, outputs={"y": "encoder.phi"}), "band.phase") == []
+
+
+def test_it_takes_the_place_of_a_stop_along():
+    stop = train(held=True)
+    stop = replace(stop, components={**stop.components, "band": EndStop(x=0.3, k=1e4)})
+    assert along(stop, "band.x", "band.k") == ["band.x"]
+
+
+def test_what_is_no_number_anywhere_tells_what_it_depends_on():
+    dae = compile_model(train(held=True))
+    lost = np.array([np.nan if p.name == "band.k" else p.value for p in dae.parameters])
+    assert Gauges(dae, lost).open([q.name for q in dae.outputs]) == []
