@@ -36,7 +36,7 @@ COUPLED = ("gap", "k")  # what tells a coupling, the first that it has
 NOTHING = 1e-6  # of a strength on its bound, in SI: solvers stop beside it
 AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least, largest): where such a fault does next to nothing
 NEARLY = 0.01  # of that value
-HARDLY = 0.5  # of a number that the study gives: hardly anybody is so far off
+HARDLY = 2.0  # times too large or too small: hardly anybody is so far off with a number of a model
 WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however little of the forces that is
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
 SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
@@ -203,12 +203,12 @@ def amiss(c: Candidate, change: Sequence[float] | Array) -> bool:
 
 
 def plainness(c: Candidate, change: Sequence[float] | Array) -> tuple[int, ...]:
-    """What is named first of those that no recording can tell apart: a number of the study that is off by half of itself comes last.
+    """What is named first of those that no recording can tell apart: a number of the model that is off by a factor of two comes last.
 
     change (n,): of its strengths.
     """
-    by = zip(c.strengths, change, strict=True) if c.family == "parameter" else ()
-    far = any(abs(a) > HARDLY * abs(c.neutral(name)) > 0.0 for name, a in by)
+    by = [(c.neutral(name), a) for name, a in zip(c.strengths, change, strict=True)] if c.family == "parameter" else []
+    far = any(was != 0.0 and not 1.0 / HARDLY <= (was + a) / was <= HARDLY for was, a in by)
     return (int(far), *map(int, c.plainness))
 
 

@@ -16,6 +16,8 @@ import numpy as np
 
 from ..results import Smoothing
 
+ROUNDING = 1e-12  # of two variances: what is left of their difference where the two go together
+
 
 def more_probable_at(result: Smoothing, values: Mapping[str, float]) -> float:
     """By how much the evidence is larger with parameters at these values than with them free [nats]. They have deviations in the result."""
@@ -36,5 +38,5 @@ def more_probable_alike(result: Smoothing, one: str, other: str) -> float:
     if a.std is None or b.std is None:
         raise ValueError(f"{one} and {other}: parameters without deviations are no numbers to compare")
     r = float(result.correlation.loc[[one], [other]].to_numpy(float)[0, 0])
-    variance = a.std**2 + b.std**2 - 2.0 * r * a.std * b.std
+    variance = max(a.std**2 + b.std**2 - 2.0 * r * a.std * b.std, ROUNDING * (a.std**2 + b.std**2))
     return 0.5 * float(np.log(result.criteria.samples)) - 0.5 * (a.value - b.value) ** 2 / variance

@@ -56,7 +56,9 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
     found = list[Candidate]()
     for name, component in model.components.items():
         if isinstance(component, planar.World):
-            found.append(_leaning(name, values) if values.get(f"{name}.tilt", component.parameters["tilt"]) else _tilted(name))
+            tilt, direction = (own_name(model, f"{name}.{word}") for word in ("tilt", "direction"))
+            leans = values.get(tilt, component.parameters["tilt"]) != 0.0
+            found.append(_leaning(name, direction, values) if leans else _tilted(name, tilt, direction))
         if isinstance(component, planar.RigidBody):
             found += _beside(name, component, values)
         if isinstance(component, planar.Body) and _swings(model, f"{name}.frame"):
@@ -66,22 +68,21 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
     return found + [c for group in _propellers(model) for c in _rotors(model, group, values)]
 
 
-def _tilted(world: str) -> Candidate:
-    """Gravity in a plane that was thought to be horizontal: linear in g tilt (cos, sin) of its direction."""
+def _tilted(world: str, tilt: str, direction: str) -> Candidate:
+    """Gravity in a plane that was thought to be horizontal: linear in g tilt (cos, sin) of its direction, parameters of the model."""
     return Candidate(
         place=world,
         family="potential",
         physics="gravity",
-        strengths=(f"{world}.tilt",),
-        quadrature=f"{world}.direction",
-        start={f"{world}.direction": (-np.pi / 2, -4 * np.pi, 4 * np.pi)},
-        named={"tilt": f"{world}.tilt", "direction": f"{world}.direction"},
+        strengths=(tilt,),
+        quadrature=direction,
+        start={direction: (-np.pi / 2, -4 * np.pi, 4 * np.pi)},
+        named={"tilt": tilt, "direction": direction},
     )
 
 
-def _leaning(world: str, values: Mapping[str, float]) -> Candidate:
+def _leaning(world: str, path: str, values: Mapping[str, float]) -> Candidate:
     """Gravity that points another way in a plane that is not horizontal: a rail that is not level pulls along itself."""
-    path = f"{world}.direction"
     direction = values.get(path, -np.pi / 2)
     return Candidate(
         place=world,

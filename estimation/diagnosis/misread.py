@@ -16,9 +16,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from backsight.models.augmentation.parameters import case_name
 from backsight.models.dae import Quantity
 
-from ..problem import Problem
+from ..problem import Problem, noise_names
 from ..recordings.units import OTHERS, to_si
 from ..results import Smoothing
 from ..smoothing.explaining import EXPLAINS_NOTHING
@@ -62,7 +63,7 @@ def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Readin
         explained = False
         for said, remedy, read in readings:
             there = smoothed(f" if {said}", read)
-            if there is not None and there.solver.converged and not (lost(there) or idle(there)):
+            if there is not None and there.solver.converged and not idle(there):
                 found[f"{said}: {remedy}"] = _force(there)
                 explained |= max(left_over(read(problem), there).values(), default=0.0) < FLOOR
         if explained:
@@ -110,6 +111,10 @@ def _changed(name: str, change: Callable[[Array], Array]) -> Reading:
     return read
 
 
+def _noise_name(output: str, recording: str | None) -> str:
+    return output if recording is None else case_name(output, recording)
+
+
 def _exchanged(a: str, b: str) -> Reading:
     """With all that belongs to a column: its noise, its loss, what it lags behind, its weight."""
     to = {a: b, b: a}
@@ -128,6 +133,8 @@ def _exchanged(a: str, b: str) -> Reading:
             )
             for r in problem.recordings
         ]
-        return replace(problem, recordings=recordings, weights=replace(problem.weights, V=other(problem.weights.V)))
+        V, whose = problem.weights.V, noise_names(problem.weights.V, problem.dae)
+        turned = {_noise_name(to.get(of, of), recording): V[name] for name, (of, recording) in whose.items()}
+        return replace(problem, recordings=recordings, weights=replace(problem.weights, V=turned))
 
     return read

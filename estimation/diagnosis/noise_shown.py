@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
+from backsight.models.augmentation.parameters import case_name
 
 from ..problem import Problem
 from ..results import Smoothing
@@ -20,7 +20,7 @@ NOTE = (
 
 
 def with_noise_as_shown(problem: Problem, result: Smoothing) -> tuple[Problem, str]:
-    """The problem with such outputs' V held, in all recordings, and a note on it; the problem itself and no note where there are none."""
+    """The problem with such outputs' V held in every recording, and a note on it; the problem itself and no note where there are none."""
     if result.solution is None:
         return problem, ""
     (_, white), noise, (_, choosable) = shown_noise(problem), Begun.at(result.solution).noise, output_stds(problem)
@@ -29,10 +29,10 @@ def with_noise_as_shown(problem: Problem, result: Smoothing) -> tuple[Problem, s
         there = [h for h, table in enumerate(noise) if q.name in table]
         if not there or not all(q.name in choosable[h] and white[h, i] > 0 for h in there):
             continue
-        times = min(noise[h][q.name] / white[h, i] for h in there)
+        times, least = min((noise[h][q.name] / white[h, i], float(white[h, i])) for h in there)
         if times > FAR:
-            V[q.name] = float(np.median(white[there, i]))
-            said.append(f"{q.name} has {times:.2g} times the noise of {V[q.name]:.2g} {q.unit}")
+            V |= {case_name(q.name, problem.fitted[h].name): float(white[h, i]) for h in there}
+            said.append(f"{q.name} has {times:.2g} times the noise of {least:.2g} {q.unit}")
     if not said:
         return problem, ""
     return replace(problem, weights=replace(problem.weights, V={**problem.weights.V, **V})), NOTE.format(said=listed(said))

@@ -11,6 +11,7 @@ from ..problem import Free, Problem, Weights
 from ..recordings.recording import Recording
 from ..results import Smoothing
 from ..smoothing.program import Settings
+from ..wording import listed
 from .candidates import Candidate
 from .choice import CLEAR, chosen, idle
 from .elimination import Bare
@@ -48,10 +49,10 @@ class Search:
 
     standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
     of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
-    compared: whether models could be; cut: whether what was likely beside the model as it stands had no time. moved: how often the model
-    as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model without
-    anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before: what there
-    was before the last effect was found. aside: what was taken back to be sought again with these weights.
+    compared: whether models could be; cut: what was likely beside the model as it stands, and whose fit had no time. moved: how often the
+    model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model
+    without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before:
+    what there was before the last effect was found. aside: what was taken back to be sought again with these weights.
     """
 
     standing: Standing
@@ -66,7 +67,7 @@ class Search:
     bare: Bare = field(init=False)
     held: tuple[Recording, ...] | None = None
     compared: bool = field(default=True, init=False)
-    cut: bool = field(default=False, init=False)
+    cut: tuple[str, ...] = field(default=(), init=False)
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
     first: Smoothing = field(init=False, repr=False)
@@ -112,7 +113,7 @@ class Search:
             if self._better_from_the_guesses(scored):
                 scored = self._scored()
             late = self.fits.left == 0
-            self.cut = late and bool(chosen(scored.found, scored.sizes))
+            self.cut = tuple(s.candidate.title for s in chosen(scored.found, scored.sizes)) if late else ()
             more = not late and len(self.standing.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
@@ -124,6 +125,8 @@ class Search:
         if late or self.fits.left == 0:
             self.standing = self.aside or self.standing
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+        if self.cut:
+            self.notes.append(f"What the scores make likely had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
         self._on_a_checked_mesh()
         self.renew()
         self._limits(scored)
@@ -274,7 +277,7 @@ class Search:
             return False
         outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried += scored.tried
-        self.cut = any(fit.late for _, _, fit in scored.fitted)
+        self.cut = tuple(c.title for c, s, fit in scored.fitted if fit.late and s is not None)
         if isinstance(outcome, Base):
             self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
         elif outcome is not None:

@@ -346,9 +346,12 @@ def with_candidate(s: Screened, **changes: object) -> Screened:
     return replace(s, look=replace(s.look, candidate=replace(s.look.candidate, **changes)))
 
 
-@pytest.mark.parametrize(("given", "found", "last"), [(0.3, 0.65, True), (0.3, 0.4, False), (-0.3, -0.1, True), (0.0, 5.0, False)])
-def test_a_number_of_the_study_that_would_be_off_by_half_of_itself_is_named_last(given, found, last):
-    """Of one that the study says is nothing nobody can say by how much it is off."""
+@pytest.mark.parametrize(
+    ("given", "found", "last"),
+    [(0.3, 0.65, True), (0.65, 0.3, True), (0.3, 0.5, False), (0.5, 0.3, False), (-0.3, -0.1, True), (0.3, -0.3, True), (0.0, 5.0, False)],
+)
+def test_a_number_that_would_be_off_by_a_factor_of_two_is_named_last(given, found, last):
+    """Of one that is said to be nothing nobody can say by how much it is off."""
     start = {"tyre.r": (given, -np.inf, np.inf)}
     wrong = Candidate(place="tyre", family="parameter", physics="wrong_parameter", strengths=("tyre.r",), start=start)
     friction = Candidate(place="tyre", family="friction", physics="coulomb_friction", strengths=("tyre.r",), start=start)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import log
 
+import pandas as pd
 import pytest
 from concealed_axis import posed, run
 
@@ -48,6 +49,20 @@ def test_a_strength_that_is_within_its_deviation_of_nothing_is_idle_and_one_far_
     assert idle(given(d.value + 3.0 * d.std), result)  # 4.5 nats less what any parameter costs
     assert not idle(given(d.value + 8.0 * d.std), result)
     assert not idle(Candidate(place="screw", family="transmission", physics="compliance", dear=True), result)
+
+
+def test_two_that_are_one_number_to_the_last_digit_are_as_probable_as_one(axis):
+    """Their difference has no variance; where they differ all the same they are not one."""
+    _, result = axis
+    one = next(iter(result.parameters.values()))
+    same = pd.DataFrame(1.0, index=["a", "b"], columns=["a", "b"])
+
+    def alike(other: float) -> float:
+        twins = {"a": replace(one, name="a", std=1.0, value=5.0), "b": replace(one, name="b", std=1.0, value=other)}
+        return more_probable_alike(replace(result, parameters=twins, correlation=same), "a", "b")
+
+    assert alike(5.0) == pytest.approx(0.5 * log(result.criteria.samples))
+    assert alike(4.0) < -1e9
 
 
 def of_two_directions(apart: float) -> tuple[Problem, dict[str, Free]]:

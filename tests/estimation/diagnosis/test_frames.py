@@ -142,6 +142,19 @@ def test_a_small_offset_of_the_mass_is_linear_in_it():
         assert twice == pytest.approx(2 * small, rel=1e-2, abs=1e-3 * np.abs(small).max())
 
 
+def test_a_tilt_for_which_a_parameter_of_the_model_stands_is_that_parameter():
+    plain = xy_table()
+    for slope, strength in ((0.0, "slope"), (0.3, "world.direction")):
+        model = replace(
+            plain,
+            parameters={**plain.parameters, "slope": replace(World().declared_parameters["tilt"], default=slope)},
+            bindings={**plain.bindings, "world.tilt": "slope"},
+        )
+        (c,) = (c for c in of_frames(model, {"slope": slope}) if c.physics == "gravity")
+        assert c.strengths == (strength,)
+        assert {*c.strengths, *c.start} <= {p.name for p in compile_model(model).parameters}
+
+
 def test_a_tilted_plane_pulls_along_its_direction():
     model = xy_table()
     c = by_name(model)["world", "gravity"]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from two_inertias import NOISE, drive, posed
 
@@ -29,7 +31,23 @@ def test_noise_that_a_model_would_need_is_held_at_what_the_samples_show():
     held, said = with_noise_as_shown(problem, smooth(problem))
     assert held.weights.V
     assert all(std == pytest.approx(NOISE, rel=0.15) for std in held.weights.V.values())
-    assert all(f"{name} has" in said for name in held.weights.V)
+    assert all(f"{name.partition(' [')[0]} has" in said for name in held.weights.V)
+
+
+def test_every_recording_has_its_own():
+    """A second one is ten times as noisy, and the sentence tells of the one whose noise grew least."""
+    (first, second), rng = contradicting().recordings, np.random.default_rng(5)
+    loud = {name: y + 10 * NOISE * rng.standard_normal(len(y)) for name, y in second.outputs.items()}
+    problem = replace(contradicting(), recordings=[first, replace(second, role="fit", outputs=loud)])
+    result = smooth(problem)
+    held, said = with_noise_as_shown(problem, result)
+    assert held.weights.V
+    for name, std in held.weights.V.items():
+        assert std == pytest.approx(NOISE * (1.0 if first.name in name else np.hypot(1.0, 10.0)), rel=0.15)
+        assert name.partition(" [")[2].rstrip("]") in (first.name, second.name)
+    times, least = (float(word) for word in re.findall(r"n_1 has (\S+) times the noise of (\S+) ", said)[0])
+    assert times * least == pytest.approx(result.weights.V[f"n_1 [{first.name}]"], rel=0.05)
+    assert with_noise_as_shown(held, smooth(held)) == (held, "")
 
 
 def test_noise_that_is_given_or_as_the_samples_show_it_stays():

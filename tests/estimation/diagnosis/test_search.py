@@ -1,0 +1,36 @@
+"""The rounds of a search as a whole: what its end says."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+from concealed_axis import posed, run
+
+from backsight.estimation import smooth
+from backsight.estimation.diagnosis.fits import Fits
+from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.search import Search
+from backsight.estimation.diagnosis.standing import Standing
+
+
+def ended(seconds: float, **carriage: float) -> Search:
+    """A search of a time [s] after the model as it is."""
+    problem = posed(run(1.0, 2e-3, **carriage))
+    fits = Fits(pool=ThreadPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=seconds)
+    search = Search(standing=Standing(problem=problem, model=problem.model, result=smooth(problem, settings=QUICKLY)), fits=fits)
+    search.run()
+    return search
+
+
+def test_without_time_for_what_is_likely_nobody_says_that_nothing_is_missing():
+    search = ended(0.0, f_c=8.0)
+    assert "coulomb friction at carriage" in search.cut
+    (said,) = (note for note in search.notes if "had no time for a fit" in note)
+    assert "coulomb friction at carriage" in said
+
+
+def test_without_time_where_nothing_is_likely_nothing_is_missing():
+    search = ended(0.0)
+    assert search.cut == ()
+    assert search.verdict() == "none"
