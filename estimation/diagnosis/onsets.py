@@ -30,7 +30,7 @@ SETTING_IN = frozenset(
 
 def clocks_note(recordings: Sequence[Recording]) -> str:
     """What setting in means, where recordings have each a clock of its own; "" where they follow each other."""
-    spans = sorted((float(r.time[0]), float(r.time[-1])) for r in recordings)
+    spans = sorted((float(piece.time[0]), float(piece.time[-1])) for r in recordings for piece in r.pieces)
     if not any(later[0] < earlier[1] for earlier, later in pairwise(spans)):
         return ""
     return (

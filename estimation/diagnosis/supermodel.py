@@ -103,8 +103,9 @@ def _shape(c: Candidate, turn: int) -> dict[str, float]:
 
 
 def _together(problem: Problem, model: Model, base: Linearised, candidates: list[Candidate]) -> tuple[Dae, list[Candidate]]:
-    """One model with all of them; those that cannot be there, or bring states, are left out."""
-    own = [q.name for q in base.solution.transcription.dae.states]
+    """One model with all of them; those that cannot be there, bring states, or move a residual force elsewhere are left out."""
+    t = base.solution.transcription
+    own, soft = [q.name for q in t.dae.states], {t.dae.places[k].name for k in t.soft}
 
     def compiled(some: list[Candidate]) -> Dae | None:
         try:
@@ -114,14 +115,14 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
             dae = _as_posed(problem, with_those_of(problem, compile_model(edited, places=_extra(problem, model))))
         except (ModelError, InputError):  # what the problem names may be gone
             return None
-        return dae if [q.name for q in dae.states] == own else None
+        return dae if [q.name for q in dae.states] == own and soft <= {place.name for place in dae.places} else None
 
     dae = compiled(candidates)
     if dae is not None:
         return dae, candidates
     usable = [c for c in candidates if compiled([c]) is not None]
     dae = compiled(usable)
-    return (dae, usable) if dae is not None else (base.solution.transcription.dae, [])
+    return (dae, usable) if dae is not None else (t.dae, [])
 
 
 def _as_posed(problem: Problem, dae: Dae) -> Dae:

@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 from concealed_axis import smoothed
 
+from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis.candidates import Candidate, Exchange, Signal
 from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.score import Columns
+from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.score import Columns, Linearised
 from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.models import Model, compile_model
 from backsight.models.mechanics import translational
+from backsight.models.mechanics.planar import Body, FrameFixed, Prismatic, World
+from backsight.models.mechanics.rotational import Gear, Inertia, Rack, Torque
 from backsight.models.plants import actuator
 
 
@@ -132,3 +137,39 @@ def test_what_cannot_be_in_the_model_or_has_states_is_left_out_and_the_others_ar
     assert [look.candidate for look in looks] == [good]
     assert looked_at(problem, problem.model, base, [wrong]) == []
     assert actuator().components.keys() == problem.model.components.keys()
+
+
+def geared_cart() -> Model:
+    """A rotor drives a cart on a rail over a gear and a rack: a gear with an error has its force at the rail, and not at the rotor."""
+    return Model(
+        name="geared_cart",
+        components={
+            "source": Torque(), "rotor": Inertia(J=1e-3), "gear": Gear(ratio=4.0), "pinion": Rack(r=0.02), "world": World(),
+            "base": FrameFixed(), "rail": Prismatic(), "cart": Body(m=0.8, I=1e-3),
+        },
+        connections=[
+            ("source.flange", "rotor.flange"), ("rotor.flange", "gear.flange_a"), ("gear.flange_b", "pinion.wheel"),
+            ("pinion.rack", "rail.axis"), ("base.frame", "rail.frame_a"), ("rail.frame_b", "cart.frame"),
+        ],
+        inputs={"tau": "source.tau"},
+        outputs={"s": "rail.s"},
+    )  # fmt: skip
+
+
+def test_a_candidate_with_which_a_force_stands_elsewhere_is_left_out_and_the_others_are_not():
+    rng = np.random.default_rng(1)
+    tau, time = np.repeat(rng.uniform(-0.02, 0.02, 20), 10), 0.01 * np.arange(200)
+    way = np.cumsum(np.cumsum(tau)) * 0.01**2 * 0.02 / 4 / (1e-3 + 0.8 * (0.02 / 4) ** 2) + 1e-5 * rng.standard_normal(200)
+    problem = Problem(
+        model=geared_cart(),
+        recordings=[Recording(name="run", time=time, inputs={"tau": tau}, outputs={"s": way}, output_std={"s": 1e-5})],
+        parameters={"cart.m": Free(0.6)},
+    )
+    base = Linearised(smooth(problem, settings=QUICKLY).solution)
+    (place,) = problem.dae.places
+    known = [c for c in library(problem, problem.model, base.solution) if c.edits and c.strengths and not c.signals]
+    moved = [c for c in known if place.name not in [p.name for p in compile_model(c.edited(problem.model)).places]]
+    assert [c.physics for c in moved] == ["kinematic_error"]
+    seen = {look.candidate.key for look in looked_at(problem, problem.model, base, known)}
+    assert moved[0].key not in seen
+    assert (place.name, "viscous_friction") in seen
