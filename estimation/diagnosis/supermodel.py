@@ -106,22 +106,28 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
     """One model with all of them; those that cannot be there, bring states, or move a residual force elsewhere are left out."""
     t = base.solution.transcription
     own, soft = [q.name for q in t.dae.states], {t.dae.places[k].name for k in t.soft}
+    asked = _extra(problem, model)
 
     def compiled(some: list[Candidate]) -> Dae | None:
         try:
             edited = model
             for c in some:
                 edited = c.edited(edited)
-            dae = _as_posed(problem, with_those_of(problem, compile_model(edited, places=_extra(problem, model))))
+            dae = _as_posed(problem, with_those_of(problem, compile_model(edited, places=asked)))
         except (ModelError, InputError):  # what the problem names may be gone
             return None
         return dae if [q.name for q in dae.states] == own and soft <= {place.name for place in dae.places} else None
 
-    dae = compiled(candidates)
-    if dae is not None:
-        return dae, candidates
-    usable = [c for c in candidates if compiled([c]) is not None]
-    dae = compiled(usable)
+    def by_halves(some: list[Candidate]) -> list[Candidate]:
+        """Of those that cannot all be there the ones that can."""
+        half = len(some) // 2
+        parts = (some[:half], some[half:]) if half else ()
+        return [c for part in parts for c in (part if compiled(part) is not None else by_halves(part))]
+
+    dae, usable = compiled(candidates), candidates
+    if dae is None:
+        usable = by_halves(candidates)
+        dae = compiled(usable)
     return (dae, usable) if dae is not None else (t.dae, [])
 
 
