@@ -30,7 +30,7 @@ from .left_over import NAMELESS
 from .mismatch import mismatches
 from .noise_shown import with_noise_as_shown
 from .offsets import at_nothing, own_of, with_offsets, without_offsets
-from .onsets import clocks_note
+from .onsets import clocks_notes
 from .proof import Case, Proof
 from .refit import FAILURES, known_of
 from .search import Search
@@ -91,7 +91,7 @@ def diagnose(
     if straight and search.held is None:
         straight, first = "", as_said.result
     verdict, first = search.verdict(), without_offsets(first)
-    notes = [said for said in (late, split, straight, open_ones, loud, clocks_note(posed.recordings)) if said]
+    notes = [said for said in (late, split, straight, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
@@ -139,6 +139,8 @@ def diagnose(
         verdict = "undecided"
     if verdict == "none" and not first.solver.converged:
         verdict = "undecided"
+    if verdict in ("unknown_physics", "undecided") or any(f.onset is not None for f in search.standing.findings):
+        notes += clocks_notes(posed.recordings)
     return Diagnosis(
         verdict=verdict,
         findings=search.standing.findings,

@@ -28,15 +28,15 @@ SETTING_IN = frozenset(
 )
 
 
-def clocks_note(recordings: Sequence[Recording]) -> str:
-    """What setting in means, where recordings have each a clock of its own; "" where they follow each other."""
+def clocks_notes(recordings: Sequence[Recording]) -> list[str]:
+    """What setting in means, where recordings have each a clock of its own; nothing where they follow each other."""
     spans = sorted((float(piece.time[0]), float(piece.time[-1])) for r in recordings for piece in r.pieces)
     if not any(later[0] < earlier[1] for earlier, later in pairwise(spans)):
-        return ""
-    return (
+        return []
+    return [
         "The times of the recordings overlap: what sets in was sought at the same time of each. For what sets in once and stays, give "
         "times that run on from one recording to the next."
-    )
+    ]
 
 
 def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:

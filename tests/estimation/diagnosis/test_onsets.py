@@ -11,7 +11,7 @@ from concealed_axis import posed, run
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.choice import SAME
 from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.onsets import ONSETS, clocks_note, dated, late, onset
+from backsight.estimation.diagnosis.onsets import ONSETS, clocks_notes, dated, late, onset
 from backsight.estimation.diagnosis.score import Linearised
 from backsight.estimation.diagnosis.screen import screen
 from backsight.estimation.diagnosis.supermodel import looked_at
@@ -122,5 +122,6 @@ def test_nobody_looks_into_a_pause_but_at_its_end():
 def test_where_clocks_overlap_a_note_says_what_setting_in_means():
     (first,) = posed(run(0.2, 2e-3)).recordings
     later = replace(first, name="later", time=first.time + first.time[-1] + 1.0)
-    assert clocks_note([first]) == clocks_note([later, first]) == ""
-    assert "at the same time of each" in clocks_note([first, later, replace(first, name="again")])
+    assert clocks_notes([first]) == clocks_notes([later, first]) == []
+    (said,) = clocks_notes([first, later, replace(first, name="again")])
+    assert "at the same time of each" in said
