@@ -182,7 +182,7 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
 
     level: up to which p they are doubted.
     """
-    found = list[str]()
+    found, crooked = list[str](), dict[str, float]()
     for recording, outputs in fit.items():
         for name, f in outputs.items():
             if (recording, name) in misled:
@@ -203,10 +203,11 @@ def on_errors(fit: Mapping[str, Mapping[str, OutputFit]], misled: Collection[tup
                     f"{'too much' if f.prediction_rms < 1 else 'too little'} noise is supposed."
                 )
             if f.normality_p is not None and f.normality_p <= level:
-                found.append(
-                    f"{which}: its prediction errors are not normal ({probability(f.normality_p)}): outliers, coarse steps of the sensor, "
-                    "or friction that sticks."
-                )
+                crooked[which] = f.normality_p
+    if crooked:
+        whose, p = "its" if len(crooked) == 1 else "their", probability(max(crooked.values()))
+        why = "outliers, coarse steps of the sensor, or friction that sticks"
+        found.append(f"{listed([*crooked])}: {whose} prediction errors are not normal ({p}): {why}.")
     return found
 
 

@@ -55,6 +55,11 @@ def test_several_recordings_are_told_apart():
     assert "not normal (p = 1e-05)" in notes[0]
 
 
+def test_errors_that_are_not_normal_are_told_of_once():
+    (note,) = on_errors({"a": {"x": fit(normality_p=1e-5), "y": fit(normality_p=1e-9)}, "b": {"x": fit(normality_p=1e-8), "y": fit()}})
+    assert note.startswith("x of a, y of a and x of b: their prediction errors are not normal (p = 1e-05)")
+
+
 @pytest.mark.parametrize(("p", "told"), [(0.005, False), (1e-4, True)])
 def test_of_a_dozen_tests_one_may_have_the_p_of_one_in_a_hundred(p, told):
     """0.01/13 is the least that Holm's procedure asks of the smallest of thirteen."""
