@@ -30,6 +30,7 @@ FLOOR = 0.01  # of the rms force at a place: what is smaller is nothing that mat
 CERTAIN = 3.0  # standard deviations
 GROWN = 1.1  # times what was left over before
 TINY = 1e-300
+NEVER = 1e3  # times the forces at a place: no strength of a force
 BEYOND = 3.0  # times the forces at a place: an effect of that size would be needed to be seen, so none can be
 
 
@@ -141,6 +142,9 @@ def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list
         path, strength = _of_signal(shapes, sizes, deviations) if c.all_shape else _of_strength(shapes, sizes, deviations)
         word = next((w for w, p in c.named.items() if p == path), path.rpartition(".")[2])
         unit = c.unit(model, path, sizes.result.units)
+        place = sizes.result.residual_places.get(c.place)
+        if place is not None and unit == place.unit and strength > NEVER * sizes.forces.get(c.place, inf):
+            strength = inf  # a force that acts where the machine never was
         told = Undetectable(place=c.place, physics=c.physics, parameter=word, strength=strength, unit=unit)
         which = (c.place, c.physics, word, unit)
         if which not in out or strength > out[which].strength:

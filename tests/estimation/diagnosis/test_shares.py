@@ -133,6 +133,16 @@ def test_what_would_have_been_seen_hangs_on_the_shape_in_the_middle_not_on_that_
     assert strength == pytest.approx(max(least * stds[len(stds) // 2] * np.sqrt(best.inflation), floor))
 
 
+def test_a_force_that_acts_where_the_machine_never_was_has_no_least_strength(axis, monkeypatch):
+    """It would be next to nothing wherever the machine was, and have to be more than anything."""
+    _, sizes, _, found = axis
+    monkeypatch.setattr(Sizes, "shares", lambda *_: {"carriage": 1e-30})
+    weak = [replace(s, std=1e9 * s.std) for s in found.found if s.candidate.physics == "stribeck_friction"]
+    shapes = {id(s.candidate): [replace(one, std=1e9 * one.std) for one in found.shapes[id(s.candidate)]] for s in weak}
+    (told,) = limits(replace(found, found=weak, shapes=shapes), sizes, actuator(), set())
+    assert (told.physics, told.strength) == ("stribeck_friction", np.inf)
+
+
 def test_the_least_lag_dead_zone_and_saturation_are_those_between_one_that_shows_and_one_that_does_not(axis):
     _, sizes, looks, found = axis
     out = {(u.place, u.physics): u for u in limits(found, sizes, actuator(), set())}
