@@ -22,6 +22,7 @@ Index = NDArray[np.int64]
 
 STAGES = 3
 TOLERANCE = 1e-5  # error of a step over the size of the state
+GROSS = 1e-2  # error of the shortest step over the size of the state: a corner costs less, and what moves so has no end
 SETTLED = 1e-2  # of the tolerance: the last Newton correction
 NEWTON, HALVINGS = 25, 8
 DEEPEST = 12  # halvings of a row's step
@@ -95,16 +96,16 @@ class Step:
         b = self.a[-1]
         end = x + cell.h * np.tensordot(b, K, axes=1)
         error = np.abs(cell.h * (np.tensordot(b, K, axes=1) - np.tensordot(self.low, K[:-1], axes=1))) / self.size[:, None]
-        good = solved & (error.max(axis=0, initial=0.0) < TOLERANCE)
+        worst = error.max(axis=0, initial=0.0)
+        good = solved & (worst < TOLERANCE)
         rate, algebraics = K[-1], Z[-1]
-        bad = np.flatnonzero(~good)
+        end[:, ~solved | ((depth == DEEPEST) & ~(worst < GROSS))] = np.nan
+        bad = np.flatnonzero(~good & np.isfinite(x).all(axis=0))  # of what has no start no part has an end
         if len(bad) and depth < DEEPEST:
             part = x[:, bad], k[:, bad], z[:, bad]
             for which in (0, 1):
                 part = self.over(*part, cell.some(bad).half(which), p[:, bad], depth + 1)
             end[:, bad], rate[:, bad], algebraics[:, bad] = part
-        else:
-            end[:, ~solved] = np.nan
         return end, rate, algebraics
 
     def at(self, x: Array, k: Array, z: Array, u: Array, p: Array, t: Array) -> tuple[Array, Array]:

@@ -6,13 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from one_dimensional import body_with
 
 from backsight.data.generators import actuator as machine
 from backsight.data.generators import xy_table as table
 from backsight.data.generators.run import Conditions
 from backsight.estimation import Recording
+from backsight.estimation.diagnosis.steps import Step
 from backsight.estimation.diagnosis.windows import Starts, ahead
 from backsight.models import compile_model, simulate
+from backsight.models.mechanics.translational import Drag
 from backsight.models.plants import actuator, xy_table
 
 ROWS = 250
@@ -56,6 +59,29 @@ def test_an_axis_that_sticks_is_predicted_like_the_machine_itself_and_like_the_s
         start = {q.name: float(run.truth[q.name][rows[j]]) for q in dae.states}
         exact = simulate(dae, run.time[k], {"F": run.inputs["F"][k]}, parameters=values, initial=start)
         assert predicted[j, : ROWS + 1] == pytest.approx(exact.outputs["x"], abs=1e-4 * travelled)
+
+
+def test_a_window_that_ends_in_a_singularity_is_given_up_there_and_the_others_go_on(monkeypatch):
+    """Drag with the wrong sign, v' = c v^2/m: v = v_0/(1 - c v_0 t/m) ends at t = m/(c v_0)."""
+    m, c, steps, dt = 2.0, 1.0, 200, 0.01
+    dae = compile_model(replace(body_with(Drag(), mass=m), outputs={"s": "body.s"}))
+    piece = Recording(name="run", time=dt * np.arange(steps + 1), inputs={"F": np.zeros(steps + 1)}, outputs={"s": np.zeros(steps + 1)})
+    speeds = np.array([0.5, 1.6])  # the one ends at 4 s, the other at 1.25 s
+    names = [q.name for q in dae.states]
+    x = np.zeros((2, 2))
+    x[names.index("body.v")] = speeds
+    p = np.repeat(np.array(dae.parameter_values({"element.c": -c}))[:, None], 2, axis=1)
+    nothing = np.zeros((len(dae.algebraics), 2))
+    starts = Starts(rows=np.zeros(2, dtype=np.int64), x=x, rates=np.zeros_like(x), z=nothing, parameters=p)
+    called, stages = [], Step._stages
+    monkeypatch.setattr(Step, "_stages", lambda *args: called.append(1) or stages(*args))
+    predicted = ahead(dae, piece, starts, steps, np.ones(2))[0]
+    slow = m / c * -np.log(1.0 - c * speeds[0] * piece.time / m)
+    assert predicted[0] == pytest.approx(slow, rel=1e-4, abs=1e-6)
+    fast = m / c * -np.log(np.maximum(1.0 - c * speeds[1] * piece.time / m, 1e-9))
+    assert predicted[1, :120] == pytest.approx(fast[:120], rel=1e-3, abs=1e-6)
+    assert np.isnan(predicted[1, 130:]).all()
+    assert len(called) < 20 * steps  # halves of what has no start, or goes on behind the end, are thousands in every row
 
 
 @pytest.mark.slow
