@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -35,6 +36,7 @@ VAGUE = 1.2  # times the median deviation of a state: windows do not begin where
 GENTLY = (30.0, 10.0, 5.0, 2.5, 1.0)  # times the width of what is rounded, on the way of a smoothing that does not arrive at once
 SHARPER = 1e-3  # a friction law's width in the windows over that of smoothing
 SEEN = 1e-3  # of what other modes do to the outputs
+PLACES = 25  # of a trajectory, where modes are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,27 +111,37 @@ class Predictor:
                 out[i] = table[q.name].to_numpy(float)[rows]
         return out
 
-    def time_constant(self, places: int = 25) -> float:
+    def time_constant(self) -> float:
         """-1/Re of the slowest stable mode that measured outputs see [s], median over places of the trajectory; inf where there is none.
 
         A mode slower than the recording is an integrator for all that it shows.
         """
+        slow = [-1.0 / rates[rates < 0] for rates in self._rates]
+        slowest = [float(times.max()) for times in slow if times.size]
+        return float(np.median(slowest)) if slowest else np.inf
+
+    def growth(self) -> float:
+        """Re of the fastest unstable mode that measured outputs see [1/s], median over places of the trajectory; 0 where most have none."""
+        return float(np.median([rates.max(initial=0.0) for rates in self._rates])) if self._rates else 0.0
+
+    @cached_property
+    def _rates(self) -> list[Array]:
+        """Re of the modes that measured outputs see and that are faster than the recording is long [1/s], at places of the trajectory."""
         dae, piece = self.problem.dae, self.problem.fitted[0]
-        rows = np.unique(np.linspace(0, len(piece.time) - 1, places + 2).astype(np.int64)[1:-1])
+        rows = np.unique(np.linspace(0, len(piece.time) - 1, PLACES + 2).astype(np.int64)[1:-1])
         s = self._starts(0, rows)
         u = np.array([piece.inputs[q.name][rows] for q in dae.inputs]).reshape(-1, len(rows))
         p = np.array([self.smoothed.value(q.name) for q in dae.parameters])
         linear = linearise(dae, s.rates, s.x, s.z, u, piece.time[rows], p, ())
         C = linear.C[:, [i for i, q in enumerate(dae.outputs) if q.name in piece.outputs]] * self.sizes
-        A, duration, slowest = linear.A * self.sizes / self.sizes[:, None], piece.time[-1] - piece.time[0], []
+        A, duration, found = linear.A * self.sizes / self.sizes[:, None], piece.time[-1] - piece.time[0], list[Array]()
         for a, c in zip(A, C, strict=True):
             if not np.isfinite(a).all():
                 continue
             rates, modes = np.linalg.eig(a)
             seen = np.linalg.norm(c @ modes / np.maximum(np.linalg.norm(c, axis=1), 1e-300)[:, None], axis=0)
-            slow = [-1.0 / r.real for r, size in zip(rates, seen, strict=True) if -r.real * duration > 1.0 and size > SEEN]
-            slowest += [max(slow)] if slow else []
-        return float(np.median(slowest)) if slowest else np.inf
+            found.append(rates.real[(np.abs(rates.real) * duration > 1.0) & (seen > SEEN)])
+        return found
 
     def _starts(self, number: int, rows: Index) -> Starts:
         """The smoothed states there; rates and algebraics of the same trajectory are where the search for these begins."""

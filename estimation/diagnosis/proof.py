@@ -43,6 +43,7 @@ Progress = Callable[[str], None]
 
 SPANS = (0.05, 0.25)  # s
 LONGEST = 0.1  # of the recording: the dominant time constant counts up to there
+GROWN = 100.0  # times an error of the start: a window that lets it grow so far is none
 WHOLE = 0.25  # of the recording: a window longer than that is none
 WINDOWS = 100  # of a recording
 FEWEST = 0.1  # of the rows of a piece: where fewer are left windows begin anywhere
@@ -125,11 +126,15 @@ def prove(before: Case, after: Case, recordings: Sequence[Recording]) -> HeldOut
 
 
 def horizons(side: Predictor, recordings: Sequence[Recording]) -> list[float]:
-    """50 ms, 250 ms and the dominant time constant of a model [s], those that fit the recordings."""
+    """50 ms, 250 ms and the dominant time constant of a model [s], those that fit the recordings.
+
+    Of an unstable machine what is longer than its errors need to grow a hundredfold is none: it tells of the start.
+    """
     step, whole = max(r.sampling for r in recordings), min(float(r.time[-1] - r.time[0]) for r in recordings)
-    slowest = min(side.time_constant(), LONGEST * whole)
-    found = {span for span in (*SPANS, float(f"{slowest:.3g}")) if step * 0.999 <= span <= WHOLE * whole}
-    return sorted(found) or [max(step, LONGEST * whole)]
+    slowest, growth = min(side.time_constant(), LONGEST * whole), side.growth()
+    longest = min(WHOLE * whole, np.log(GROWN) / growth if growth > 0 else np.inf)
+    found = {span for span in (*SPANS, float(f"{slowest:.3g}")) if step * 0.999 <= span <= longest}
+    return sorted(found) or [max(step, min(LONGEST * whole, longest))]
 
 
 def _windows(piece: Recording, spans: Sequence[float], known: NDArray[np.bool_]) -> tuple[Index, int]:

@@ -49,7 +49,7 @@ class Search:
 
     standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
     of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
-    compared: whether models could be; cut: what was likely beside the model as it stands, and whose fit had no time. moved: how often the
+    compared: whether models could be; cut: what may be missing in the model as it stands, and whose fit had no time. moved: how often the
     model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model
     without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before:
     what there was before the last effect was found. aside: what was taken back to be sought again with these weights.
@@ -126,7 +126,7 @@ class Search:
             self.standing = self.aside or self.standing
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         if self.cut:
-            self.notes.append(f"What the scores make likely had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
+            self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
         self._on_a_checked_mesh()
         self.renew()
         self._limits(scored)
@@ -277,7 +277,7 @@ class Search:
             return False
         outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried += scored.tried
-        self.cut = tuple(c.title for c, s, fit in scored.fitted if fit.late and s is not None)
+        self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late)
         if isinstance(outcome, Base):
             self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
         elif outcome is not None:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
+from one_dimensional import body_with
 
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Conditions
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis import HeldOut
-from backsight.estimation.diagnosis.proof import prove
+from backsight.estimation.diagnosis.predictor import Predictor
+from backsight.estimation.diagnosis.proof import GROWN, horizons, prove
+from backsight.models import law
+from backsight.models.mechanics.translational import Spring
 from backsight.models.plants import actuator
 
 NOISE, PROCESS = 2e-6, 0.02
@@ -85,3 +90,24 @@ def test_gaps_and_what_every_recording_has_of_its_own_are_no_obstacle():
     assert found.improvement_percent > 50
     assert found.p_value < 0.05
     assert found.after["x"].windows[0.05] < 2 * NOISE
+
+
+class Repelling(Spring):
+    """A force that grows with the way, and pushes on."""
+
+    def equations(self, c):
+        return {**super().equations(c), "spring law": law(c.f, -c.k * (c.s_rel - c.s_rel0))}
+
+
+@pytest.mark.parametrize(("rate", "spans"), [(5.0, {0.05, 0.25}), (30.0, {0.05})])
+def test_of_an_unstable_machine_no_window_is_longer_than_its_errors_need_to_grow_a_hundredfold(rate, spans):
+    """s = s_0 cosh(rate t) without a force: from 0.92 s on in the one, 0.15 s in the other."""
+    model = replace(body_with(Repelling(k=2.0 * rate**2), mass=2.0), outputs={"s": "body.s"})
+    time = 2e-3 * np.arange(int(9.0 / rate / 2e-3) + (600 if rate < 10.0 else 300))
+    way = 1e-6 * np.cosh(rate * time) + 1e-6 * np.random.default_rng(1).standard_normal(len(time))
+    run = Recording(name="run", time=time, inputs={"F": np.zeros(len(time))}, outputs={"s": way}, output_std={"s": 1e-6})
+    problem = Problem(model=model, recordings=[run], parameters={"body.m": Free(1.5)})
+    side = Predictor.of(problem, smooth(problem), [run], None, inf)
+    assert side.growth() == pytest.approx(rate, rel=0.05)
+    assert spans <= {*horizons(side, [run])}
+    assert max(horizons(side, [run])) < np.log(GROWN) / rate
