@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from .classical.result import Baseline
     from .classical.two_stage import two_stage
     from .classical.zoh_prediction_error import zoh_prediction_error
+    from .diagnosis.answer.verdict import Diagnosis
     from .diagnosis.diagnose import diagnose
-    from .diagnosis.verdict import Diagnosis
     from .problem import Free, Known, Problem, Weights
     from .recordings.columns import InputColumn, OutputColumn
     from .recordings.recording import Recording
@@ -49,7 +49,7 @@ _HOME = {
     "classical.two_stage": ("two_stage",),
     "classical.zoh_prediction_error": ("zoh_prediction_error",),
     "diagnosis.diagnose": ("diagnose",),
-    "diagnosis.verdict": ("Diagnosis",),
+    "diagnosis.answer.verdict": ("Diagnosis",),
     "problem": ("Free", "Known", "Problem", "Weights"),
     "recordings.columns": ("InputColumn", "OutputColumn"),
     "recordings.recording": ("Recording",),

@@ -12,7 +12,7 @@ import numpy as np
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Run
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.diagnosis.score import Linearised
+from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.models.plants import actuator
 
 NOISE = 2e-6  # m

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.score import Columns
-from backsight.estimation.diagnosis.screen import Screened
-from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.scores.score import Columns
+from backsight.estimation.diagnosis.scores.screen import Screened
+from backsight.estimation.diagnosis.scores.supermodel import Look
 
 
 def screened(place: str, physics: str, gain: float, size: int = 1) -> Screened:

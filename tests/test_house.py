@@ -66,6 +66,21 @@ def test_the_layers_import_one_way_only():
     assert not wrong
 
 
+def test_a_diagnosis_goes_through_its_folders_in_order():
+    order = ["answer", "evidence", "candidates", "scores", "search", "start", "proof"]
+    inside = "backsight.estimation.diagnosis."
+    steps = {name.removeprefix(inside).split(".")[0] for name in every_module() if name.startswith(inside)}
+    assert steps == {*order, "diagnose"}
+    wrong = [
+        f"{path}: {name}"
+        for layer, path in sources()
+        if path.parent.parent.name == "diagnosis"
+        for name in imported(path, layer)
+        if name.startswith(inside) and order.index(name.removeprefix(inside).split(".")[0]) > order.index(path.parent.name)
+    ]
+    assert not wrong
+
+
 def test_no_layer_is_imported_under_its_bare_name():
     wrong = [f"{path}: {name}" for layer, path in sources() for name in imported(path, layer) if name.split(".")[0] in LAYERS]
     assert not wrong

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def result_of_diagnosis(found: Diagnosis) -> dict[str, Any]:
     """The content of result.json for `diagnose`."""
-    from ..diagnosis.words import sentence
+    from ..diagnosis.answer.words import sentence
 
     return result_of_smoothing(found.after, command="diagnose") | {
         "verdict": found.verdict,
@@ -39,7 +39,7 @@ def repaired_code(found: Diagnosis) -> str | None:
     from backsight.models.errors import ModelError
     from backsight.models.exchange import python_code
 
-    from ..diagnosis.words import repairs, sentence
+    from ..diagnosis.answer.words import repairs, sentence
 
     if not repairs(found):
         return None
@@ -50,7 +50,7 @@ def repaired_code(found: Diagnosis) -> str | None:
 
 
 def _finding(f: Finding) -> dict[str, Any]:
-    from ..diagnosis.words import when
+    from ..diagnosis.answer.words import when
 
     return {
         "place": f.explanation.place,

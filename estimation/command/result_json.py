@@ -153,7 +153,7 @@ def repaired_model(folder: Path) -> str | None:
     """
     from backsight.models.exchange import function_name
 
-    from ..diagnosis.words import UNKNOWN
+    from ..diagnosis.answer.words import UNKNOWN
 
     try:
         result = json.loads((folder / "result.json").read_text(encoding="utf-8"))

@@ -73,7 +73,7 @@ def weight_table(found: Weighing) -> Group:
 
 def diagnosis_table(found: Diagnosis) -> Group:
     """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, and the proof."""
-    from ..diagnosis.words import numbers, sentence, when
+    from ..diagnosis.answer.words import numbers, sentence, when
 
     said, table = f"{found.after.model}: {escape(sentence(found))}", Table(box=None, pad_edge=False)
     for heading in ("finding", "", "when", "p"):

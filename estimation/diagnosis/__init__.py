@@ -1,16 +1,16 @@
-"""What the model left out: where, when, what it is, and how sure that is.
+"""What the model left out: where, when, what it is, and how sure that is. As a diagnosis goes through it:
 
-candidates.py, laws.py, channels.py, frames.py, library.py     what may be missing, at which place
-supermodel.py, enlarged.py, score.py, screen.py                all of it looked at at once: gains, chances, what is alike
-refit.py, choice.py                                            a candidate as a full problem, and whether it is borne out
-worth.py                                                       how much more probable one model is than another
-search.py, round.py, standing.py                               round by round; the model with what was found so far
-findings.py, elimination.py, hold.py                           what is said of it; what goes out again; held inputs or straight ones
-diagnose.py, shares.py, verdict.py                             all of it, and its answer
-proof.py                                                       before and after on what was held out
+diagnose.py    all of it
+start/         the model as it is, and the recordings as they are taken
+candidates/    what may be missing, at which place
+scores/        all of it looked at at once: gains, chances, what is alike
+search/        round by round: fits of the best, one that is kept
+evidence/      how much more probable one model is than another
+proof/         before and after on what was held out
+answer/        the verdict, and how it is said
 """
 
+from .answer.verdict import Diagnosis, Errors, Explanation, Finding, HeldOut, Mismatch, Strength, Tried, Undetectable
 from .diagnose import diagnose
-from .verdict import Diagnosis, Errors, Explanation, Finding, HeldOut, Mismatch, Strength, Tried, Undetectable
 
 __all__ = ["Diagnosis", "Errors", "Explanation", "Finding", "HeldOut", "Mismatch", "Strength", "Tried", "Undetectable", "diagnose"]

@@ -18,26 +18,26 @@ from backsight.models.errors import InputError
 from ..problem import Problem
 from ..recordings.split import with_held_out
 from ..workers import at_hand, workers
-from .as_it_is import AsItIs, as_it_is
-from .contradicted import contradicted
-from .delays import without_delays
-from .fits import Fits, Progress
-from .frames import with_heading
-from .hold import with_better_hold
-from .keep import Keep
-from .latent import Latent, without_force
-from .left_over import NAMELESS
-from .mismatch import mismatches
-from .noise_shown import with_noise_as_shown
-from .offsets import at_nothing, own_of, with_offsets, without_offsets
-from .onsets import clocks_notes
-from .proof import Case, Proof
-from .refit import FAILURES, known_of
-from .search import Search
-from .sizes_known import with_sizes_known
-from .standing import Standing
-from .verdict import Diagnosis
-from .words import CONTRADICTED, UNPROVED, withdrawn
+from .answer.mismatch import mismatches
+from .answer.verdict import Diagnosis
+from .answer.words import CONTRADICTED, UNPROVED, withdrawn
+from .candidates.frames import with_heading
+from .evidence.latent import Latent, without_force
+from .evidence.offsets import at_nothing, own_of, with_offsets, without_offsets
+from .proof.contradicted import contradicted
+from .proof.proof import Case, Proof
+from .scores.onsets import clocks_notes
+from .search.fits import Fits, Progress
+from .search.keep import Keep
+from .search.left_over import NAMELESS
+from .search.refit import FAILURES, known_of
+from .search.search import Search
+from .search.standing import Standing
+from .start.as_it_is import AsItIs, as_it_is
+from .start.delays import without_delays
+from .start.hold import with_better_hold
+from .start.noise_shown import with_noise_as_shown
+from .start.sizes_known import with_sizes_known
 
 OF_BASE = 0.6  # of the search's time, that the model as it is may take
 SEARCH = 840.0  # s, from the beginning to the end of the search

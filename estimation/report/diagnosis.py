@@ -12,7 +12,7 @@ import numpy as np
 
 from backsight.models import Model
 
-from ..diagnosis.words import CONTRADICTED, numbers, repairs, sentence, when, with_deviation
+from ..diagnosis.answer.words import CONTRADICTED, numbers, repairs, sentence, when, with_deviation
 from ..wording import chance, probability
 from .answer import code, joined
 from .diagnosis_figures import held_out_charts, mismatch_chart, mismatch_scatter, window_chart

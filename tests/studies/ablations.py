@@ -38,8 +38,9 @@ SUSPECTS = ("parameter", "sensor", "actuator")
 @contextmanager
 def without(stage: str, held: set[str]) -> Iterator[None]:
     """`diagnose` with a stage left out; held: parameters of which nobody doubts the values."""
-    from backsight.estimation.diagnosis import chance, library
-    from backsight.estimation.diagnosis import round as of_search
+    from backsight.estimation.diagnosis.candidates import library
+    from backsight.estimation.diagnosis.scores import chance
+    from backsight.estimation.diagnosis.search import round as of_search
     from backsight.estimation.smoothing import meshing, program, work
     from backsight.estimation.smoothing.mesh_error import Checked
 

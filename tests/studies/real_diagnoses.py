@@ -33,7 +33,7 @@ from real_recordings import PENDULUM, STAGE, fit_and_later
 from scipy.spatial.transform import Rotation
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.words import when
+from backsight.estimation.diagnosis.answer.words import when
 from backsight.models.plants import actuator
 
 

@@ -15,8 +15,8 @@ import ablations
 
 from backsight.data import path
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.diagnosis import chance
-from backsight.estimation.diagnosis import round as of_search
+from backsight.estimation.diagnosis.scores import chance
+from backsight.estimation.diagnosis.search import round as of_search
 from backsight.models.plants import actuator
 
 HELD = {"carriage.m"}

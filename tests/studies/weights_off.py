@@ -3,7 +3,7 @@
 A machine of `coverage.py` is recorded three times. One recording is studied (`weigh`) from weights of which each is a hundred times too
 large or too small at random, the second is held out and judges. Beside it the first is smoothed with the weights that the simulator has.
 Printed is by how much the errors of predicted windows of the third are larger, which has judged nothing, in the mean over outputs and
-lengths (`diagnosis/proof.py`): it should be below 2 %; and the same of smoothing with the weights that are off. (Not of the largest output:
+lengths (`proof.py`): it should be below 2 %; and the same of smoothing with the weights that are off. (Not of the largest output:
 an accelerometer sees a body that breaks away a sample later, and that of a few windows raised the rms of one by 75 %.)
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 from coverage import CASES, pose
 
 from backsight.estimation import Problem, Recording, Smoothing, Weights, smooth, weigh
-from backsight.estimation.diagnosis.proof import prove
+from backsight.estimation.diagnosis.proof.proof import prove
 from backsight.models import SolveError
 
 OFF = 100.0

@@ -18,8 +18,8 @@ from backsight.estimation import diagnosis as package
 from backsight.estimation.command.cli import main
 from backsight.estimation.command.diagnosis_json import result_of_diagnosis
 from backsight.estimation.diagnosis import Diagnosis, Explanation, Strength, Tried
-from backsight.estimation.diagnosis.verdict import TOO_SMALL
-from backsight.estimation.diagnosis.words import sentence, with_deviation
+from backsight.estimation.diagnosis.answer.verdict import TOO_SMALL
+from backsight.estimation.diagnosis.answer.words import sentence, with_deviation
 from backsight.models import InputError
 
 STUDY = f"""model = "actuator"

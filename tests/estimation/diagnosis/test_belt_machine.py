@@ -10,8 +10,8 @@ from concealed_axis import NOISE, run
 from concealed_axis import posed as axis
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
-from backsight.estimation.diagnosis.misfit import OFF, off
-from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.evidence.misfit import OFF, off
+from backsight.estimation.diagnosis.search.refit import QUICKLY
 from backsight.models import Model, Output
 from backsight.models.errors import InputError
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, Rack, RotationalDamper, RotationalFixed, Torque

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from backsight.estimation.diagnosis.blocks import block_gains, chance
-from backsight.estimation.diagnosis.verdict import FEWEST
+from backsight.estimation.diagnosis.answer.verdict import FEWEST
+from backsight.estimation.diagnosis.proof.blocks import block_gains, chance
 
 
 def test_the_chance_is_that_of_students_t():

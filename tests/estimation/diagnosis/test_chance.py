@@ -9,11 +9,11 @@ import pytest
 from concealed_axis import smoothed
 from scipy.stats import chi2
 
-from backsight.estimation.diagnosis.chance import LEAST, Chance
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.score import Columns
-from backsight.estimation.diagnosis.screen import screen
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.chance import LEAST, Chance
+from backsight.estimation.diagnosis.scores.score import Columns
+from backsight.estimation.diagnosis.scores.screen import screen
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
 
 RNG = np.random.default_rng(3)
 

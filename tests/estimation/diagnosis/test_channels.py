@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from backsight.estimation.diagnosis.channels import lagged, late, of_alike, of_input, of_sensor
+from backsight.estimation.diagnosis.candidates.channels import lagged, late, of_alike, of_input, of_sensor
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS, actuator, five_bar
 

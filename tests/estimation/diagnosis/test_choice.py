@@ -13,9 +13,14 @@ from concealed_axis import posed, run
 from screened import screened
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Insert, Rebuild, Signal, Since
-from backsight.estimation.diagnosis.chance import Chance
-from backsight.estimation.diagnosis.choice import (
+from backsight.estimation.diagnosis.answer.verdict import Explanation, Strength
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Insert, Rebuild, Signal, Since
+from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.scores.chance import Chance
+from backsight.estimation.diagnosis.scores.screen import Screen, Screened
+from backsight.estimation.diagnosis.scores.shares import Sizes
+from backsight.estimation.diagnosis.search.choice import (
     CLEAR,
     WRONG,
     amiss,
@@ -35,12 +40,7 @@ from backsight.estimation.diagnosis.choice import (
     sound,
     stood_for,
 )
-from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.screen import Screen, Screened
-from backsight.estimation.diagnosis.shares import Sizes
-from backsight.estimation.diagnosis.verdict import Explanation, Strength
+from backsight.estimation.diagnosis.search.refit import Fitted
 from backsight.models.mechanics.translational import PositionDependentFriction
 
 
@@ -297,7 +297,7 @@ def test_a_fault_that_ended_where_it_does_next_to_nothing_is_idle(word, value, o
 
 
 def test_where_a_plain_law_falls_short_of_its_score_the_law_that_it_stood_for_is_fitted(monkeypatch):
-    monkeypatch.setattr("backsight.estimation.diagnosis.choice.matters", lambda *_: True)
+    monkeypatch.setattr("backsight.estimation.diagnosis.search.choice.matters", lambda *_: True)
     drag, stribeck = screened("axis", "quadratic_drag", 160.0), screened("axis", "stribeck_friction", 154.0, size=2)
     elsewhere, little = screened("table", "stribeck_friction", 155.0, size=2), screened("axis", "logarithmic_friction", 60.0, size=2)
     found = screen(drag, elsewhere, stribeck, little)

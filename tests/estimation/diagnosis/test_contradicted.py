@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from backsight.estimation.diagnosis.contradicted import minor
-from backsight.estimation.diagnosis.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.proof.contradicted import minor
 
 
 def found(*nats: float) -> list[Finding]:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals
 
-from backsight.estimation.diagnosis.couplings import bodies_behind, of_coupling, of_soft, place_of
-from backsight.estimation.diagnosis.laws import Motion
-from backsight.estimation.diagnosis.places import elements
-from backsight.estimation.diagnosis.refit import begun, posed
+from backsight.estimation.diagnosis.candidates.couplings import bodies_behind, of_coupling, of_soft, place_of
+from backsight.estimation.diagnosis.candidates.laws import Motion
+from backsight.estimation.diagnosis.candidates.places import elements
+from backsight.estimation.diagnosis.search.refit import begun, posed
 from backsight.estimation.problem import Free, Problem
 from backsight.estimation.recordings.recording import Recording
 from backsight.models import Model, compile_model, simulate

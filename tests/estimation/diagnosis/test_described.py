@@ -9,8 +9,8 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import Weights, smooth
-from backsight.estimation.diagnosis.described import described, explained, foretold, functions
-from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.search.described import described, explained, foretold, functions
+from backsight.estimation.diagnosis.search.refit import QUICKLY
 
 N = 2000
 UNITS = {"position": "m", "velocity": "m/s", "time": "s", "F": "N"}

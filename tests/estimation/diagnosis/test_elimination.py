@@ -10,17 +10,17 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import Free, Weights, smooth
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.elimination import Bare
-from backsight.estimation.diagnosis.fits import Fits
-from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import HELD, QUICKLY, settled
-from backsight.estimation.diagnosis.refit import posed as having
-from backsight.estimation.diagnosis.search import Search
-from backsight.estimation.diagnosis.standing import Standing
-from backsight.estimation.diagnosis.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.search.elimination import Bare
+from backsight.estimation.diagnosis.search.fits import Fits
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import HELD, QUICKLY, settled
+from backsight.estimation.diagnosis.search.refit import posed as having
+from backsight.estimation.diagnosis.search.search import Search
+from backsight.estimation.diagnosis.search.standing import Standing
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.plants import actuator
 

@@ -13,16 +13,16 @@ from diagnoses import runs
 from screened import screened
 
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.chance import Chance
-from backsight.estimation.diagnosis.findings import _chance, explained, finding, nameless, verdict
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.refit import Fitted, fitted
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import Screen, screen
-from backsight.estimation.diagnosis.shares import Sizes
-from backsight.estimation.diagnosis.supermodel import looked_at
-from backsight.estimation.diagnosis.verdict import Explanation, Finding, Strength
+from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding, Strength
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.chance import Chance
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import Screen, screen
+from backsight.estimation.diagnosis.scores.shares import Sizes
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.findings import _chance, explained, finding, nameless, verdict
+from backsight.estimation.diagnosis.search.refit import Fitted, fitted
 from backsight.estimation.results import ParameterEstimate, ResidualSummary
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS

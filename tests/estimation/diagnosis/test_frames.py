@@ -9,7 +9,7 @@ import pytest
 from neutral import Point
 
 from backsight.estimation import Known, Problem, Recording
-from backsight.estimation.diagnosis.frames import of_frames, with_heading
+from backsight.estimation.diagnosis.candidates.frames import of_frames, with_heading
 from backsight.models import Model, compile_model
 from backsight.models.mechanics import spatial
 from backsight.models.mechanics.planar import Body, FixedTranslation, FrameFixed, MomentBody, Prismatic, Revolute, World

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from backsight.estimation import Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.candidates import Candidate, Exchange, Insert
-from backsight.estimation.diagnosis.couplings import of_ideal, of_soft
-from backsight.estimation.diagnosis.elimination import Bare
-from backsight.estimation.diagnosis.laws import Motion
-from backsight.estimation.diagnosis.places import elements
-from backsight.estimation.diagnosis.standing import Standing
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Exchange, Insert
+from backsight.estimation.diagnosis.candidates.couplings import of_ideal, of_soft
+from backsight.estimation.diagnosis.candidates.laws import Motion
+from backsight.estimation.diagnosis.candidates.places import elements
+from backsight.estimation.diagnosis.search.elimination import Bare
+from backsight.estimation.diagnosis.search.standing import Standing
 from backsight.models import Model, compile_model
 from backsight.models.analysis.linearise import linearise
 from backsight.models.mechanics.rotational import (

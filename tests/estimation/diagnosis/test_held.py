@@ -7,8 +7,8 @@ import pytest
 from concealed_axis import LEFT, posed, run
 
 from backsight.estimation import Free, smooth
-from backsight.estimation.diagnosis.held import FACTOR, rescaled
-from backsight.estimation.diagnosis.refit import evidence
+from backsight.estimation.diagnosis.evidence.held import FACTOR, rescaled
+from backsight.estimation.diagnosis.search.refit import evidence
 from backsight.estimation.validation.innovations import innovations, log_likelihood
 
 

@@ -14,14 +14,14 @@ from hidden_load import LOAD, MOTOR, posed
 
 from backsight.estimation import Free, Problem
 from backsight.estimation.diagnosis import diagnose
-from backsight.estimation.diagnosis.as_it_is import as_it_is
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.choice import CLEAR
-from backsight.estimation.diagnosis.fits import Fits
-from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.refit import HELD, at_work, hidden
-from backsight.estimation.diagnosis.search import ASTRAY, Search
-from backsight.estimation.diagnosis.standing import Standing
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.search.choice import CLEAR
+from backsight.estimation.diagnosis.search.fits import Fits
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import HELD, at_work, hidden
+from backsight.estimation.diagnosis.search.search import ASTRAY, Search
+from backsight.estimation.diagnosis.search.standing import Standing
+from backsight.estimation.diagnosis.start.as_it_is import as_it_is
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models import compile_model
 from backsight.models.mechanics.rotational import RotationalFriction

@@ -9,11 +9,11 @@ import pytest
 from concealed_axis import NOISE, posed, run
 
 from backsight.estimation import Problem, smooth
-from backsight.estimation.diagnosis.as_it_is import AsItIs
-from backsight.estimation.diagnosis.choice import CLEAR
 from backsight.estimation.diagnosis.diagnose import diagnose
-from backsight.estimation.diagnosis.hold import promised, straight, with_better_hold
-from backsight.estimation.diagnosis.refit import HELD, QUICKLY
+from backsight.estimation.diagnosis.search.choice import CLEAR
+from backsight.estimation.diagnosis.search.refit import HELD, QUICKLY
+from backsight.estimation.diagnosis.start.as_it_is import AsItIs
+from backsight.estimation.diagnosis.start.hold import promised, straight, with_better_hold
 from backsight.models.plants import actuator
 
 M, D, W = 95.0, 203.0, {"carriage": 0.02}
@@ -61,7 +61,7 @@ def test_inputs_that_are_held_stay_so():
 def test_what_does_not_come_to_rest_is_no_better(held_rests, straight_rests, taken, monkeypatch):
     """Though a score promises it."""
     problem, result = posed(run(0.5, 2e-3), W=W), smooth(posed(run(0.5, 2e-3), W=W))
-    monkeypatch.setattr("backsight.estimation.diagnosis.hold.promised", lambda *_: 50.0)
+    monkeypatch.setattr("backsight.estimation.diagnosis.start.hold.promised", lambda *_: 50.0)
 
     def left(rests: bool) -> AsItIs:
         return AsItIs(problem=problem, result=replace(result, solver=replace(result.solver, converged=rests)), settings=QUICKLY)
@@ -75,7 +75,7 @@ def test_what_does_not_come_to_rest_is_no_better(held_rests, straight_rests, tak
 def test_weights_from_the_data_are_not_held_against_held_ones(monkeypatch):
     problem = posed(run(0.5, 2e-3), W=W)
     first = replace(smoothed(problem), settings=HELD)
-    monkeypatch.setattr("backsight.estimation.diagnosis.hold.promised", lambda *_: 50.0)
+    monkeypatch.setattr("backsight.estimation.diagnosis.start.hold.promised", lambda *_: 50.0)
     assert with_better_hold(problem, actuator(), first, smoothed) == (first, "")
 
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 from concealed_axis import posed, run
 
 from backsight.estimation import Free, smooth
-from backsight.estimation.diagnosis.findings import Judged
-from backsight.estimation.diagnosis.indistinct import indistinct
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.refit import fitted
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import screen
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import screen
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.findings import Judged
+from backsight.estimation.diagnosis.search.indistinct import indistinct
+from backsight.estimation.diagnosis.search.refit import fitted
 
 STARTS = {"sensor_gain": 0.95, "wrong_parameter": 200.0, "quadratic_drag": 1.0}
 

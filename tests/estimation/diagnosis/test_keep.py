@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from backsight.estimation import Free, Known, Problem, Recording, Weights
-from backsight.estimation.diagnosis import keep
-from backsight.estimation.diagnosis.keep import Keep
+from backsight.estimation.diagnosis.search import keep
+from backsight.estimation.diagnosis.search.keep import Keep
 from backsight.estimation.recordings.drive import Drive
 from backsight.models.plants import actuator
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hidden_load import LOAD, MOTOR, STEP, STIFFNESS, posed
 
-from backsight.estimation.diagnosis.as_it_is import as_it_is
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.latent import LASTING, Latent, held_there, straining, with_force, without_force
-from backsight.estimation.diagnosis.refit import HELD, bared, fitted, settled
-from backsight.estimation.diagnosis.refit import posed as put_in
-from backsight.estimation.diagnosis.shares import left_over
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.evidence.latent import LASTING, Latent, held_there, straining, with_force, without_force
+from backsight.estimation.diagnosis.scores.shares import left_over
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import HELD, bared, fitted, settled
+from backsight.estimation.diagnosis.search.refit import posed as put_in
+from backsight.estimation.diagnosis.start.as_it_is import as_it_is
 from backsight.estimation.smoothing.begun import force_stds
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.errors import SolveError
@@ -95,12 +95,12 @@ def test_a_model_that_weights_from_the_data_lead_beyond_all_measure_is_where_hel
     near = smoothing(problem, settings=HELD)
     lost = replace(near, solver=replace(near.solver, converged=False))
     kept.put(kept.name("the model as it is, with weights from the forces' sizes"), (lost, near.solution))
-    monkeypatch.setattr("backsight.estimation.diagnosis.as_it_is.straining", lambda *_: [])
+    monkeypatch.setattr("backsight.estimation.diagnosis.start.as_it_is.straining", lambda *_: [])
 
     def astray(*_, **__):
         raise SolveError("load.J grew beyond all measure")
 
-    monkeypatch.setattr("backsight.estimation.diagnosis.as_it_is.smoothing", astray)
+    monkeypatch.setattr("backsight.estimation.diagnosis.start.as_it_is.smoothing", astray)
     found = as_it_is(problem, kept, lambda _: None)
     assert found.settings is HELD
     assert found.result.parameters["load.J"].value == near.parameters["load.J"].value

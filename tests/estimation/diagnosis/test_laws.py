@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from neutral import Point
 
-from backsight.estimation.diagnosis.laws import AGAINST_GROUND, BETWEEN, Motion, between, of_law
-from backsight.estimation.diagnosis.places import bodies, elements
+from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, BETWEEN, Motion, between, of_law
+from backsight.estimation.diagnosis.candidates.places import bodies, elements
 from backsight.estimation.smoothing.rest import ROUNDING
 from backsight.models import Dae, compile_model
 from backsight.models.plants import PLANTS, actuator

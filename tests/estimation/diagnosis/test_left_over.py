@@ -14,16 +14,16 @@ from diagnoses import diagnosis as found
 from diagnoses import proof
 
 from backsight.estimation import Weights, smooth
-from backsight.estimation.diagnosis.fits import Fits
-from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.lasting import lasting
-from backsight.estimation.diagnosis.left_over import NAMELESS, LeftOver
-from backsight.estimation.diagnosis.refit import HELD, QUICKLY
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.search import Search
-from backsight.estimation.diagnosis.shares import FLOOR
-from backsight.estimation.diagnosis.standing import Standing
-from backsight.estimation.diagnosis.words import withdrawn
+from backsight.estimation.diagnosis.answer.words import withdrawn
+from backsight.estimation.diagnosis.scores.lasting import lasting
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.shares import FLOOR
+from backsight.estimation.diagnosis.search.fits import Fits
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.left_over import NAMELESS, LeftOver
+from backsight.estimation.diagnosis.search.refit import HELD, QUICKLY
+from backsight.estimation.diagnosis.search.search import Search
+from backsight.estimation.diagnosis.search.standing import Standing
 from backsight.estimation.smoothing.begun import Begun, force_stds
 from backsight.estimation.smoothing.smoother import smoothing
 from backsight.models.signals import Lag

@@ -10,8 +10,8 @@ from concealed_axis import posed, run, smoothed
 from neutral import Point
 
 from backsight.estimation import Free, smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Insert
-from backsight.estimation.diagnosis.library import _kinematic, _said, _tilting, _uneven, library
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Insert
+from backsight.estimation.diagnosis.candidates.library import _kinematic, _said, _tilting, _uneven, library
 from backsight.models import Model, Parameter, compile_model
 from backsight.models.mechanics.rotational import AngleSensor, Gear, Inertia, Rack
 from backsight.models.mechanics.translational import Mass

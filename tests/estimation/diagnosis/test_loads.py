@@ -7,14 +7,14 @@ import pytest
 from neutral import Point
 
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.diagnosis.laws import Motion
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.loads import loads, of_loads
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import begun, evidence, fitted, settled
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import screen
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.laws import Motion
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.candidates.loads import loads, of_loads
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import screen
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.refit import begun, evidence, fitted, settled
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.translational import Force, LoadDependentFriction, Mass, PositionSensor
 from backsight.models.plants import PLANTS, actuator

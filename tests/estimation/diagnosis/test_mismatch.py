@@ -7,7 +7,7 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.mismatch import mismatches
+from backsight.estimation.diagnosis.answer.mismatch import mismatches
 
 
 def test_a_force_that_lacks_is_seen_against_the_velocity_that_it_follows():

@@ -8,7 +8,7 @@ import numpy as np
 from two_inertias import posed
 
 from backsight.estimation import Weights
-from backsight.estimation.diagnosis.misread import _exchanged
+from backsight.estimation.diagnosis.start.misread import _exchanged
 
 
 def test_an_exchanged_column_takes_its_noise_along_also_that_of_one_recording():

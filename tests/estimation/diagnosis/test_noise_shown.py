@@ -10,7 +10,7 @@ import pytest
 from two_inertias import NOISE, drive, posed
 
 from backsight.estimation import Free, Problem, Weights, diagnose, smooth
-from backsight.estimation.diagnosis.noise_shown import FAR, with_noise_as_shown
+from backsight.estimation.diagnosis.start.noise_shown import FAR, with_noise_as_shown
 from backsight.models import Model
 from backsight.models.mechanics.rotational import RotationalRigid
 

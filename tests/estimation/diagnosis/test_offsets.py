@@ -13,8 +13,16 @@ from backsight.data.generators.concealed.rig import Setting
 from backsight.data.generators.quadrotor import G, Pilot
 from backsight.data.generators.run import clock
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.diagnosis.offsets import PREFIX, at_nothing, counted_out, own_of, with_offsets, without_idle, without_offsets
-from backsight.estimation.diagnosis.refit import HELD, PATIENT, evidence, settled, with_weights_of
+from backsight.estimation.diagnosis.evidence.offsets import (
+    PREFIX,
+    at_nothing,
+    counted_out,
+    own_of,
+    with_offsets,
+    without_idle,
+    without_offsets,
+)
+from backsight.estimation.diagnosis.search.refit import HELD, PATIENT, evidence, settled, with_weights_of
 from backsight.estimation.smoothing.begun import Begun
 from backsight.models.plants import PLANTS
 

@@ -9,12 +9,12 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import Free, smooth
-from backsight.estimation.diagnosis.choice import SAME
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.onsets import ONSETS, clocks_notes, dated, late, onset
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import screen
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.onsets import ONSETS, clocks_notes, dated, late, onset
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import screen
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.choice import SAME
 
 DURATION = 1.5
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from backsight.estimation.diagnosis.places import at_hand, bodies, elements, neighbours, node, sensors
+from backsight.estimation.diagnosis.candidates.places import at_hand, bodies, elements, neighbours, node, sensors
 from backsight.models import Component, Model, Parameter, Variable, balance, equal
 from backsight.models.connectors import Translational
 from backsight.models.mechanics.planar import Body, FrameFixed, Revolute, World

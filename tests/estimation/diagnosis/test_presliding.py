@@ -10,14 +10,14 @@ from examples import oscillator
 from scipy.integrate import solve_ivp
 
 from backsight.estimation import Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.candidates import Insert
-from backsight.estimation.diagnosis.laws import Motion
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.presliding import bristles, of_presliding
-from backsight.estimation.diagnosis.refit import begun
-from backsight.estimation.diagnosis.score import Columns
-from backsight.estimation.diagnosis.screen import Screened
-from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.diagnosis.candidates.candidate import Insert
+from backsight.estimation.diagnosis.candidates.laws import Motion
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.candidates.presliding import bristles, of_presliding
+from backsight.estimation.diagnosis.scores.score import Columns
+from backsight.estimation.diagnosis.scores.screen import Screened
+from backsight.estimation.diagnosis.scores.supermodel import Look
+from backsight.estimation.diagnosis.search.refit import begun
 from backsight.models import Parameter, compile_model
 from backsight.models.mechanics.translational import AsymmetricFriction, DahlFriction, Friction, StribeckFriction
 from backsight.models.plants import actuator

@@ -13,8 +13,8 @@ from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Conditions
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis import HeldOut
-from backsight.estimation.diagnosis.predictor import Predictor
-from backsight.estimation.diagnosis.proof import GROWN, horizons, prove
+from backsight.estimation.diagnosis.proof.predictor import Predictor
+from backsight.estimation.diagnosis.proof.proof import GROWN, horizons, prove
 from backsight.models import law
 from backsight.models.mechanics.translational import Spring
 from backsight.models.plants import actuator

@@ -13,16 +13,16 @@ from concealed_axis import posed, run
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Conditions
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights, smooth
-from backsight.estimation.diagnosis import refit
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.channels import of_input, of_sensor
-from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import HELD, QUICKLY, Fitted, begun, evidence, fitted, settled
-from backsight.estimation.diagnosis.score import Columns
-from backsight.estimation.diagnosis.screen import Screened
-from backsight.estimation.diagnosis.supermodel import Look
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.channels import of_input, of_sensor
+from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.scores.score import Columns
+from backsight.estimation.diagnosis.scores.screen import Screened
+from backsight.estimation.diagnosis.scores.supermodel import Look
+from backsight.estimation.diagnosis.search import refit
+from backsight.estimation.diagnosis.search.refit import HELD, QUICKLY, Fitted, begun, evidence, fitted, settled
 from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.smoother import smoothing

@@ -11,18 +11,28 @@ from concealed_axis import posed, run
 from screened import screened
 
 from backsight.estimation import Free, Recording, Smoothing, Weights, smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Signal, Since
-from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.refit import Fitted
-from backsight.estimation.diagnosis.refit import posed as having
-from backsight.estimation.diagnosis.refusals import Beside, creeping, misleading, one_way, refining, slight, stands_in, trifling, why_not
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import Screen, screen
-from backsight.estimation.diagnosis.shares import FLOOR, Sizes
-from backsight.estimation.diagnosis.supermodel import looked_at
-from backsight.estimation.diagnosis.worth import Worth
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal, Since
+from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.evidence.worth import Worth
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import Screen, screen
+from backsight.estimation.diagnosis.scores.shares import FLOOR, Sizes
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.refit import Fitted
+from backsight.estimation.diagnosis.search.refit import posed as having
+from backsight.estimation.diagnosis.search.refusals import (
+    Beside,
+    creeping,
+    misleading,
+    one_way,
+    refining,
+    slight,
+    stands_in,
+    trifling,
+    why_not,
+)
 from backsight.models.plants import actuator
 
 

@@ -10,10 +10,10 @@ from concealed_axis import smoothed
 
 from backsight.data.generators import drillstring
 from backsight.estimation import Problem, Recording, smooth
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.regimes import EVERYWHERE, regime
-from backsight.estimation.diagnosis.shares import Sizes
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.answer.regimes import EVERYWHERE, regime
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.shares import Sizes
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.models.plants import PLANTS
 
 

@@ -14,14 +14,14 @@ from examples import soft_drive
 from screened import screened
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights
-from backsight.estimation.diagnosis.chance import Chance
-from backsight.estimation.diagnosis.choice import sound
-from backsight.estimation.diagnosis.elimination import Bare
-from backsight.estimation.diagnosis.fits import Base, Fits
-from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.refit import QUICKLY, Fitted, worth_of
-from backsight.estimation.diagnosis.round import Round, _gained
-from backsight.estimation.diagnosis.screen import Screen, Screened
+from backsight.estimation.diagnosis.scores.chance import Chance
+from backsight.estimation.diagnosis.scores.screen import Screen, Screened
+from backsight.estimation.diagnosis.search.choice import sound
+from backsight.estimation.diagnosis.search.elimination import Bare
+from backsight.estimation.diagnosis.search.fits import Base, Fits
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import QUICKLY, Fitted, worth_of
+from backsight.estimation.diagnosis.search.round import Round, _gained
 from backsight.estimation.smoothing.smoother import smoothing
 
 
@@ -144,7 +144,7 @@ def test_what_may_hold_an_unseen_body_is_fitted_from_the_guesses_and_all_else_fr
             return [(c, s, Fitted(candidate=c)) for c, s in wanted]
 
     scored.fits = Noted()
-    monkeypatch.setattr("backsight.estimation.diagnosis.round.hidden", lambda _: {"load"})
+    monkeypatch.setattr("backsight.estimation.diagnosis.search.round.hidden", lambda _: {"load"})
     friction, drag, seen = (screened(*one, 9.0) for one in (("load", "coulomb_friction"), ("load", "drag"), ("motor", "coulomb_friction")))
     fits = scored._judged([(s.candidate, s) for s in (friction, drag, seen)])
     (base, others, rest), (guesses, held, anew) = asked

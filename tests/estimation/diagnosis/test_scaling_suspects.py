@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.score import Columns, Linearised
-from backsight.estimation.diagnosis.screen import screen, told
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.score import Columns, Linearised
+from backsight.estimation.diagnosis.scores.screen import screen, told
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.models import Model
 from backsight.models.mechanics.translational import AccelerationSensor, Force, Friction, Mass
 from backsight.models.signals import Gain, Lag

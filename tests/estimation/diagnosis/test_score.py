@@ -12,10 +12,10 @@ from scipy.linalg import null_space
 
 from backsight.data.generators import five_bar
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
-from backsight.estimation.diagnosis.enlarged import Enlarged
-from backsight.estimation.diagnosis.laws import AGAINST_GROUND, Motion, of_law
-from backsight.estimation.diagnosis.places import bodies
-from backsight.estimation.diagnosis.score import Columns, Linearised
+from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.scores.enlarged import Enlarged
+from backsight.estimation.diagnosis.scores.score import Columns, Linearised
 from backsight.estimation.smoothing.rest import near_rest
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS

@@ -10,12 +10,12 @@ from concealed_axis import smoothed
 from scipy.optimize import minimize
 from scipy.stats import chi2
 
-from backsight.estimation.diagnosis.candidates import Candidate, Signal
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.onsets import late
-from backsight.estimation.diagnosis.score import Columns, Scores
-from backsight.estimation.diagnosis.screen import Screen, gain, screen, told
-from backsight.estimation.diagnosis.supermodel import Look, looked_at
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.onsets import late
+from backsight.estimation.diagnosis.scores.score import Columns, Scores
+from backsight.estimation.diagnosis.scores.screen import Screen, gain, screen, told
+from backsight.estimation.diagnosis.scores.supermodel import Look, looked_at
 
 ROWS = 60
 

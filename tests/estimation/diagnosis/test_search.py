@@ -7,11 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 from concealed_axis import posed, run
 
 from backsight.estimation import smooth
-from backsight.estimation.diagnosis.fits import Fits
-from backsight.estimation.diagnosis.keep import Keep
-from backsight.estimation.diagnosis.refit import QUICKLY
-from backsight.estimation.diagnosis.search import Search
-from backsight.estimation.diagnosis.standing import Standing
+from backsight.estimation.diagnosis.search.fits import Fits
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import QUICKLY
+from backsight.estimation.diagnosis.search.search import Search
+from backsight.estimation.diagnosis.search.standing import Standing
 
 
 def ended(seconds: float, **carriage: float) -> Search:

@@ -11,11 +11,11 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import Problem, smooth
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import Screened, screen
-from backsight.estimation.diagnosis.separation import ENOUGH, NOTHING, Told, measurable, sensors, separating
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import Screened, screen
+from backsight.estimation.diagnosis.scores.separation import ENOUGH, NOTHING, Told, measurable, sensors, separating
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
 
 WANTED = ("constant_force", "input_offset", "input_dead_zone", "cubic_spring", "spring")
 NOISE, V_NOISE = 1e-3, 1e-3  # m, m/s

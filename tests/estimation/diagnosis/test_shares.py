@@ -9,12 +9,12 @@ import pytest
 from concealed_axis import posed, run, smoothed
 
 from backsight.estimation import Weights, smooth
-from backsight.estimation.diagnosis.candidates import Candidate
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.score import Linearised
-from backsight.estimation.diagnosis.screen import screen
-from backsight.estimation.diagnosis.shares import CERTAIN, FLOOR, SURE, Sizes, limits
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import screen
+from backsight.estimation.diagnosis.scores.shares import CERTAIN, FLOOR, SURE, Sizes, limits
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.models.plants import actuator
 
 

@@ -10,7 +10,7 @@ from speed_slide import posed as slide_posed
 from two_inertias import J_2, STEP, B, drive, posed, recorded
 
 from backsight.estimation import Known, diagnose, smooth
-from backsight.estimation.diagnosis.refit import comparable
+from backsight.estimation.diagnosis.search.refit import comparable
 from backsight.models.mechanics.rotational import AngleSensor
 
 

@@ -7,10 +7,10 @@ import pytest
 from neutral import Point
 
 from backsight.estimation import Free, Problem, Recording, diagnose, smooth
-from backsight.estimation.diagnosis.laws import BETWEEN, Motion, between, of_law
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.places import elements
-from backsight.estimation.diagnosis.refit import QUICKLY
+from backsight.estimation.diagnosis.candidates.laws import BETWEEN, Motion, between, of_law
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.candidates.places import elements
+from backsight.estimation.diagnosis.search.refit import QUICKLY
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
 

@@ -9,11 +9,11 @@ import pytest
 from concealed_axis import smoothed
 
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.diagnosis.candidates import Candidate, Exchange, Signal
-from backsight.estimation.diagnosis.library import library
-from backsight.estimation.diagnosis.refit import QUICKLY
-from backsight.estimation.diagnosis.score import Columns, Linearised
-from backsight.estimation.diagnosis.supermodel import looked_at
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Exchange, Signal
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.score import Columns, Linearised
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.refit import QUICKLY
 from backsight.models import Model, compile_model
 from backsight.models.mechanics import translational
 from backsight.models.mechanics.planar import Body, FrameFixed, Prismatic, World

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backsight.estimation.diagnosis.waves import fine_periods
+from backsight.estimation.diagnosis.candidates.waves import fine_periods
 
 
 def moved(turns: float, samples: int, seed: int = 1) -> np.ndarray:

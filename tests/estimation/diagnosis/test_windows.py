@@ -12,8 +12,8 @@ from backsight.data.generators import actuator as machine
 from backsight.data.generators import xy_table as table
 from backsight.data.generators.run import Conditions
 from backsight.estimation import Recording
-from backsight.estimation.diagnosis.steps import Step
-from backsight.estimation.diagnosis.windows import Starts, ahead
+from backsight.estimation.diagnosis.proof.steps import Step
+from backsight.estimation.diagnosis.proof.windows import Starts, ahead
 from backsight.models import compile_model, simulate
 from backsight.models.mechanics.translational import Drag
 from backsight.models.plants import actuator, xy_table

@@ -7,8 +7,8 @@ import pytest
 
 from backsight.data.generators.sliding import Body, Motion, respond
 from backsight.estimation import Free, Problem, Recording
-from backsight.estimation.diagnosis.refit import evidence
-from backsight.estimation.diagnosis.worth import NONE, Worth, gains
+from backsight.estimation.diagnosis.evidence.worth import NONE, Worth, gains
+from backsight.estimation.diagnosis.search.refit import evidence
 from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.smoother import smoothing

@@ -1,0 +1,312 @@
+"""What an explanation of a mismatch is made of: an edit of the model, and the parameters in which its strength and its shape stand."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from backsight.models import Model
+from backsight.models.language import Component, Parameter
+
+from ..answer.verdict import Key, titled
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
+
+
+@dataclass(frozen=True, kw_only=True)
+class Insert:
+    """A component at a place (`Model.insert`). joined: pairs of signals to connect."""
+
+    place: str
+    component: Component
+    name: str
+    joined: tuple[tuple[str, str], ...] = ()
+
+    def __call__(self, model: Model) -> Model:
+        edited = model.insert(self.place, self.component, self.name)
+        for a, b in self.joined:
+            edited = edited.connect(a, b)
+        return edited
+
+    @property
+    def words(self) -> str:
+        """name = Component() at place."""
+        return f"{self.name} = {type(self.component).__name__}() at {self.place}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exchange:
+    """A component in the place of another (`Model.replace`)."""
+
+    name: str
+    component: Component
+
+    def __call__(self, model: Model) -> Model:
+        return model.replace(self.name, self.component)
+
+    @property
+    def words(self) -> str:
+        """name = Component() instead of the old one."""
+        return f"{self.name} = {type(self.component).__name__}()"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rebuild:
+    """Any other edit, by a function of the model. said: what it does, as code."""
+
+    edit: Callable[[Model], Model]
+    said: str
+
+    def __call__(self, model: Model) -> Model:
+        return self.edit(model)
+
+    @property
+    def words(self) -> str:
+        """What it does."""
+        return self.said
+
+
+@dataclass(frozen=True, kw_only=True)
+class Since:
+    """Parameters that have their values from a time [s] on (`Model.since`). before: parameter -> what it is until then."""
+
+    time: float
+    before: tuple[tuple[str, float], ...]
+
+    def __call__(self, model: Model) -> Model:
+        for path, value in self.before:
+            model = model.since(path, self.time, value)
+        return model
+
+    @property
+    def words(self) -> str:
+        """f_c from 3.2 s on."""
+        return f"{', '.join(path for path, _ in self.before)} from {self.time:.4g} s on"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alike:
+    """Several parts of one kind, edited alike, with one parameter of the model for all of them.
+
+    parameter: its name, and its value there. word: what it is in each of the parts.
+    """
+
+    parts: tuple[Insert | Exchange, ...]
+    parameter: str
+    word: str
+    value: float
+
+    def __call__(self, model: Model) -> Model:
+        for part in self.parts:
+            model = part(model)
+        bound = {f"{part.name}.{self.word}": self.parameter for part in self.parts}
+        return replace(
+            model,
+            parameters={**model.parameters, self.parameter: replace(self._declared(), default=self.value)},
+            bindings={**model.bindings, **bound},
+        )
+
+    @property
+    def words(self) -> str:
+        """All of them."""
+        return "; ".join(part.words for part in self.parts)
+
+    def _declared(self) -> Parameter:
+        return self.parts[0].component.declared_parameters[self.word]
+
+
+Edit = Insert | Exchange | Rebuild | Alike | Since
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """How inputs or an output would read, or what force would act, if it were otherwise.
+
+    of: ("input:F",), ("sensor:x",), or ("force:carriage",); changed(time, values) (n,): what is there instead of the recorded input or the
+    modelled output at unit strength; of a force what acts more, by the variable `seen` of the model at the rows. start: parameter of the
+    edit -> where its fit starts.
+    """
+
+    of: tuple[str, ...]
+    changed: Callable[[Array, Array], Array]
+    start: Mapping[str, float] = field(default_factory=dict)
+    seen: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A member of the library at a place.
+
+    edits: give the model its component, without effect while the strengths are what they are there. strengths: parameters in which the
+    effect is linear; one_sided: physics does not let them be negative. shapes: parameter -> values at which the effect is looked at, all of
+    one length. quadrature: a phase; the effect is looked at with it zero and pi/2. start: further parameters that are free in a fit
+    -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing.
+    without: strength -> its value there, where no component that comes in tells it.
+    named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
+    ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. wave: (strength, position): the
+    effect is that strength's times a sine of 2 pi position over the one shape; no component is needed to look at it. larger: two strengths
+    of which the first is the larger one, or it is no such effect. dear: no score tells of it, it has to be fitted. later: as start, of
+    those that lead a fit astray while the others are far off: free when it is kept. rounded: parameter -> that of which it is a share, and
+    the share, by what that was found to be when it is kept. beside: parameter of the base model -> factor of it where a fit starts, so that
+    both together are what it was alone; if it is free. stated: a number that the study itself gives, doubted before one of the model; also
+    a mass that it says is nothing. grows: of what is looked at as a signal, parameters that the score is a factor on, the strength first.
+    """
+
+    place: str
+    family: str
+    physics: str
+    edits: tuple[Edit, ...] = ()
+    strengths: tuple[str, ...] = ()
+    one_sided: bool = False
+    shapes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    quadrature: str | None = None
+    start: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    absorbs: Mapping[str, str] = field(default_factory=dict)
+    without: Mapping[str, float] = field(default_factory=dict)
+    named: Mapping[str, str] = field(default_factory=dict)
+    signals: tuple[Signal, ...] = ()
+    ratio: str | None = None
+    wave: tuple[str, str] | None = None
+    larger: tuple[str, str] | None = None
+    dear: bool = False
+    later: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    rounded: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    beside: Mapping[str, float] = field(default_factory=dict)
+    stated: bool = False
+    grows: tuple[str, ...] = ()
+
+    @property
+    def all_shape(self) -> bool:
+        """Whether it is looked at as a signal that is there as a whole, whatever its numbers: none of them is a factor on it."""
+        return bool(self.signals) and not self.grows
+
+    @property
+    def rank(self) -> int:
+        """Place of its family in the order of explanations; a mass that the study says is nothing is a parameter of it that is wrong."""
+        if self.stated:
+            return 0
+        return ORDER.index(self.family) if self.family in ORDER else len(ORDER)
+
+    def replaces(self, other: Candidate) -> bool:
+        """Whether nothing is left of another one where this one is: its component is exchanged, or all its strengths are taken over."""
+        own = set(other.strengths or other.named.values())
+        return self.exchanges(other) or (bool(own) and own <= set(self.absorbs))
+
+    def exchanges(self, other: Candidate) -> bool:
+        """Whether the component that another one brought, or put in the place of the declared one, is exchanged."""
+        components = {path.partition(".")[0] for path in other.named.values()}
+        return bool(other.edits) and bool(components) and components <= set(self.exchanged)
+
+    def instead_of(self, other: Candidate) -> Candidate:
+        """The same in a model that has neither, of one whose component it exchanges: what brings that goes before, its place is that one's.
+
+        What the other one left free, and the new component has, is still free.
+        """
+        new = {e.name: e.component.declared_parameters for e in self.edits if isinstance(e, Exchange)}
+        put = tuple(edit for edit in other.edits if not (isinstance(edit, Exchange) and edit.name in new))
+
+        def stays(path: str) -> bool:
+            name, _, word = path.rpartition(".")
+            return name not in new or word in new[name]
+
+        had = {path: given for path, given in {**other.start, **other.later}.items() if stays(path)}
+        return replace(self, place=other.place, edits=(*put, *self.edits), start={**had, **self.start})
+
+    @property
+    def size(self) -> int:
+        """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""
+        return len({*self.strengths, *self.start}) - len(self.absorbs) + (self.onset is not None)
+
+    @property
+    def plainness(self) -> tuple[int, int, bool]:
+        """The least is named first of those that no recording can tell apart."""
+        return self.rank, self.size, not self.stated
+
+    def neutral(self, name: str) -> float:
+        """The value of a parameter at which there is no effect."""
+        if name in self.without:
+            return self.without[name]
+        if self.signals:
+            return 0.0
+        if not self.edits:
+            return self.start[name][0] if name in self.start else 0.0
+        owner, _, word = name.partition(".")
+        parts = [e.component for e in self.edits if isinstance(e, Insert) and e.name == owner]
+        return float(parts[0].parameters.get(word, 0.0)) if parts else 0.0
+
+    @property
+    def subject(self) -> tuple[str, ...]:
+        """The parameters of the model that it says are wrong: a component has several."""
+        return self.strengths if self.family == "parameter" else ()
+
+    @property
+    def key(self) -> Key:
+        """What it is, whatever its numbers are."""
+        return self.place, self.physics, *self.subject
+
+    @property
+    def title(self) -> str:
+        """stribeck friction at carriage."""
+        return titled(*self.key)
+
+    def edited(self, model: Model) -> Model:
+        """The model with it."""
+        for edit in self.edits:
+            model = edit(model)
+        return model
+
+    def since(self, time: float | None) -> Candidate | None:
+        """The same from a time [s] on; None without one, and for what is not told by strengths of components that come in."""
+        own = {name.partition(".")[0] for name in self.strengths} <= {*self.brought}
+        if time is None or not self.strengths or self.signals or self.absorbs or not own:
+            return None
+        onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
+        return replace(self, edits=(*self.edits, onset))
+
+    @property
+    def onset(self) -> float | None:
+        """The time from which on it acts [s], None from the start."""
+        return next((e.time for e in self.edits if isinstance(e, Since)), None)
+
+    @property
+    def of_reading(self) -> bool:
+        """Whether its strength is a share of what sensors read."""
+        return self.physics in ("sensor_gain", "sensor_misalignment")
+
+    @property
+    def brought(self) -> list[str]:
+        """Names of the components that come in."""
+        parts = [part for e in self.edits for part in (e.parts if isinstance(e, Alike) else (e,))]
+        return [part.name for part in parts if isinstance(part, Insert)]
+
+    @property
+    def exchanged(self) -> list[str]:
+        """Names of the components that another one takes the place of."""
+        return [e.name for e in self.edits if isinstance(e, Exchange)]
+
+    def unit(self, model: Model, path: str, signals: Mapping[str, str]) -> str:
+        """Of a parameter of the model with it. signals: input or output -> its unit."""
+        edited = self.edited(model)
+        owner, _, word = path.partition(".")
+        if path in edited.parameters:
+            return self.said(edited.parameters[path].unit, signals)
+        declared = edited.components[owner].declared_parameters if owner in edited.components else {}
+        return self.said(declared[word].unit if word in declared else "", signals)
+
+    def said(self, unit: str, signals: Mapping[str, str]) -> str:
+        """The unit of a parameter: that of the signal where a block leaves it to that, and of a rate of it where it says "/s"."""
+        signal = signals.get(self.place.partition(":")[2], "")
+        if not (signal and unit.startswith("/")):
+            return unit or signal
+        per = re.fullmatch(rf"(.*){unit}(\d?)", signal)
+        return f"{per[1]}{unit}{int(per[2] or 1) + 1}" if per else signal + unit
+
+    @property
+    def sent(self) -> Candidate:
+        """As another process needs it: what the score looks at are functions of this one."""
+        return replace(self, signals=())

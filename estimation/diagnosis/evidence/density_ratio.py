@@ -1,0 +1,42 @@
+"""Whether parameters of a fit are worth having, without a fit that does without them.
+
+A model in which some parameters theta_S have certain values is inside the one in which they are free, and the ratio of their evidences is
+that of the densities of these parameters there, after the samples and before. With theta^, covariance C and n samples
+
+    log Z(theta_S = v) / Z = |S|/2 log n - (v - theta^_S)' C_SS^-1 (v - theta^_S) / 2,          theta_S ~ N(theta^_S, n C_SS) beforehand
+
+(J. M. Dickey, Ann. Math. Statist. 42, 1971, with the unit information of `refit.evidence`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...results import Smoothing
+
+ROUNDING = 1e-12  # of two variances: what is left of their difference where the two go together
+
+
+def more_probable_at(result: Smoothing, values: Mapping[str, float]) -> float:
+    """By how much the evidence is larger with parameters at these values than with them free [nats]. They have deviations in the result."""
+    if result.criteria is None:
+        raise ValueError("a result without criteria has no evidence to compare")
+    names = list(values)
+    d = np.array([values[n] - result.parameters[n].value for n in names])
+    std = np.array([result.parameters[n].std for n in names], dtype=np.float64)
+    C = result.correlation.loc[names, names].to_numpy(float) * np.outer(std, std)
+    return 0.5 * len(names) * float(np.log(result.criteria.samples)) - 0.5 * float(d @ np.linalg.solve(C, d))
+
+
+def more_probable_alike(result: Smoothing, one: str, other: str) -> float:
+    """The same of two parameters that are one number, whatever it is, than of two."""
+    if result.criteria is None:
+        raise ValueError("a result without criteria has no evidence to compare")
+    a, b = (result.parameters[n] for n in (one, other))
+    if a.std is None or b.std is None:
+        raise ValueError(f"{one} and {other}: parameters without deviations are no numbers to compare")
+    r = float(result.correlation.loc[[one], [other]].to_numpy(float)[0, 0])
+    variance = max(a.std**2 + b.std**2 - 2.0 * r * a.std * b.std, ROUNDING * (a.std**2 + b.std**2))
+    return 0.5 * float(np.log(result.criteria.samples)) - 0.5 * (a.value - b.value) ** 2 / variance

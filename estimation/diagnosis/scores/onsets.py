@@ -1,0 +1,176 @@
+"""When an effect acts: from the start, or from some time on.
+
+The columns of a candidate are those of its rows. With the rows from a time on alone, the score asks what the effect would gain if it acted
+from there on and not before. What acts so is a candidate of its own (`Candidate.since`): its parameter may be one that the model has, and
+estimates, so that all along it would gain nothing; or it may be seen as something else if it has to act all along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ...recordings.recording import Recording
+from .score import Columns, Linearised
+from .screen import Screened, gain, plainly
+from .supermodel import Look
+
+Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+ONSETS = 24  # times that are looked at
+FINER = 17  # and then about the best of these
+EDGE = 0.04  # of the recording: what starts before that starts with it
+SETTING_IN = frozenset(
+    ("coulomb_friction", "viscous_friction", "constant_force", "added_mass", "input_gain", "input_offset", "sensor_gain", "sensor_bias")
+)
+
+
+def clocks_notes(recordings: Sequence[Recording]) -> list[str]:
+    """What setting in means, where recordings have each a clock of its own; nothing where they follow each other."""
+    spans = sorted((float(piece.time[0]), float(piece.time[-1])) for r in recordings for piece in r.pieces)
+    if not any(later[0] < earlier[1] for earlier, later in pairwise(spans)):
+        return []
+    return [
+        "The times of the recordings overlap: what sets in was sought at the same time of each. For what sets in once and stays, give "
+        "times that run on from one recording to the next."
+    ]
+
+
+def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    """What is covered by any of them, in order."""
+    first, *rest = sorted(spans)
+    out = [first]
+    for begin, end in rest:
+        if begin <= out[-1][1]:
+            out[-1] = (out[-1][0], max(end, out[-1][1]))
+        else:
+            out.append((begin, end))
+    return tuple(out)
+
+
+def late(base: Linearised, looks: Sequence[Look]) -> Iterator[Look]:
+    """What sets in, at a row of times."""
+    clock = _Clock.of(base)
+    for look in looks:
+        if look.candidate.physics in SETTING_IN:
+            for time in clock.grid:
+                since = look.candidate.since(time)
+                if since is not None:
+                    yield Look(candidate=since, shape=look.shape, columns=clock.after(look.columns, time), whole=look)
+
+
+def dated(base: Linearised, found: Screened) -> Screened:
+    """With the time when it sets in found more closely; as it is if it acts all along."""
+    clock, whole, onset = _Clock.of(base), found.look.whole, found.candidate.onset
+    if whole is None or onset is None:
+        return found
+    time, most = clock.best(base, whole.columns, clock.about(onset, clock.step))
+    since = whole.candidate.since(time)
+    if since is None or most <= found.gain:
+        return found
+    columns = clock.after(whole.columns, time)
+    there = base.scores(columns)
+    estimate = np.asarray(np.linalg.lstsq(there.G, -there.b, rcond=None)[0], dtype=np.float64)
+    look = replace(found.look, candidate=since, columns=columns)
+    return replace(found, look=look, gain=most, estimate=estimate, origin=found.origin or found)
+
+
+def moved(base: Linearised, whole: Look, strengths: Array, onset: float) -> tuple[float, float]:
+    """When an effect sets in that a fit has from `onset` on, and what that gains beside it [nats], with these strengths.
+
+    base: of the fit; whole: a look there at the same effect acting all along.
+    """
+    clock = _Clock.of(base)
+    had, best, most = clock.after(whole.columns, onset), onset, 0.0
+    for step in (clock.step, clock.step / (FINER - 1)):
+        times = clock.about(best, step)
+        parts = [clock.after(whole.columns, time).less(had).times(strengths) for time in times]
+        scores = base.scores(Columns.joined(parts))
+        gains = -scores.b - np.diag(scores.G) / 2
+        k = int(np.argmax(gains))
+        if gains[k] > most:
+            best, most = times[k], float(gains[k])
+    return best, most
+
+
+def onset(base: Linearised, found: Screened) -> float | None:
+    """The time from which on it acts [s]; None from the start.
+
+    Of what might set in as a candidate of its own, what that says; of others, what their score says.
+    """
+    if found.candidate.physics in SETTING_IN:
+        return found.candidate.onset
+    clock = _Clock.of(base)
+    first, _ = clock.best(base, found.look.columns, clock.grid)
+    time, most = clock.best(base, found.look.columns, clock.about(first, clock.step))
+    return time if plainly(most, found.gain) and time > clock.low + EDGE * clock.span else None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Clock:
+    """Time of every row of the squares, and of those with multipliers; stretches: of time that was recorded, in order [s].
+
+    It is the model's: of recordings that have each a clock of its own what sets in does so at the same time of each.
+    """
+
+    squares: Array
+    multiplied: Array
+    stretches: tuple[tuple[float, float], ...]
+
+    @classmethod
+    def of(cls, base: Linearised) -> _Clock:
+        t = base.solution.transcription
+        starts = np.concatenate([h.clock + h.mesh.knots[:-1] for h in t.horizons])
+        squares, multiplied = [np.empty(0)], [np.empty(0)]
+        for term in t.nlp.terms:
+            at = starts[term.interval]
+            if term.tau is not None:
+                at = at + term.tau * t.nlp.steps[term.interval]
+            elif term.nodes is not None:
+                at = at + t.nlp.steps[term.interval] / 2
+            (multiplied if term.equality or term.heavy else squares).append(np.repeat(at, term.target.shape[0]))
+        recorded = _joined([(float(h.clock + h.time[0]), float(h.clock + h.time[-1])) for h in t.horizons])
+        return cls(squares=np.concatenate(squares), multiplied=np.concatenate(multiplied), stretches=recorded)
+
+    @property
+    def low(self) -> float:
+        """Of the first sample [s]."""
+        return self.stretches[0][0]
+
+    @property
+    def span(self) -> float:
+        """What was recorded altogether [s]."""
+        return sum(end - begin for begin, end in self.stretches)
+
+    @property
+    def step(self) -> float:
+        """Between two times that are looked at first [s]."""
+        return self.span / (ONSETS + 1)
+
+    @property
+    def grid(self) -> list[float]:
+        """Times that are looked at first: one after every step of what was recorded, and the end of every pause that is longer than one."""
+        ended = np.cumsum([0.0, *(end - begin for begin, end in self.stretches)])
+        passed = self.step * np.arange(1, ONSETS + 1)
+        within = np.searchsorted(ended, passed, side="right") - 1
+        evenly = [self.stretches[k][0] + float(time - ended[k]) for k, time in zip(within, passed, strict=True)]
+        return sorted([*evenly, *(later[0] for earlier, later in pairwise(self.stretches) if later[0] - earlier[1] > self.step)])
+
+    def about(self, time: float, step: float) -> list[float]:
+        """Times about one, a step before to a step after it [s]."""
+        return [time + step * (2 * k / (FINER - 1) - 1) for k in range(FINER)]
+
+    def after(self, columns: Columns, time: float) -> Columns:
+        """Of what acts from a time on."""
+        squares, multiplied = columns.squares * (self.squares >= time)[:, None], columns.multiplied * (self.multiplied >= time)[:, None]
+        return Columns(squares=squares, multiplied=multiplied)
+
+    def best(self, base: Linearised, columns: Columns, times: Sequence[float]) -> tuple[float, float]:
+        """The time of these from which on an effect gains most, and how much."""
+        scores, n = base.scores(Columns.joined([self.after(columns, time) for time in times])), len(columns)
+        gains = [gain(scores, range(k * n, (k + 1) * n)) for k in range(len(times))]
+        k = int(np.argmax(gains))
+        return times[k], gains[k]

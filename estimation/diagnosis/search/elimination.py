@@ -1,0 +1,56 @@
+"""Effects that were found before others and are nothing beside these: a spring that hardens, which was play.
+
+One that the fit itself says is idle (`choice.idle`) is taken out of the model: all others are put anew into the model that there was at
+first, and its parameters are free again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from backsight.models import Model
+from backsight.models.errors import ModelError
+
+from ...problem import Problem
+from ...results import Smoothing
+from ..candidates.candidate import Candidate
+from ..evidence.offsets import PREFIX
+from .refit import posed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bare:
+    """The problem and its model before anything was found."""
+
+    problem: Problem
+    model: Model
+
+    def having(self, candidates: Sequence[Candidate], now: Problem, result: Smoothing) -> tuple[Problem, Model] | None:
+        """With these, their parameters as in a result; recordings and offsets of the problem `now`.
+
+        None where one needs what is not there. What one of them brings stays where the result has it; no others' parameters are in the
+        problem. One that stands on another one comes after it.
+        """
+        values = {p.name: p.value for p in result.parameters.values()}
+        kept = {name: given for name, given in now.parameters.items() if name.startswith(PREFIX)}
+        problem, model = replace(self.problem, recordings=now.recordings, parameters={**self.problem.parameters, **kept}), self.model
+        waiting = list(candidates)
+        while waiting:
+            later = list[Candidate]()
+            for c in waiting:
+                try:
+                    problem, model = posed(problem, model, c, _own(c, values))
+                except (ModelError, KeyError):  # a parameter of what is not there
+                    later.append(c)
+                    continue
+                own = {name: now.parameters[name] for name in (*c.later, *c.rounded) if name in now.parameters}
+                problem = replace(problem, parameters={**problem.parameters, **own})
+            if len(later) == len(waiting):
+                return None
+            waiting = later
+        return problem, model
+
+
+def _own(c: Candidate, values: Mapping[str, float]) -> dict[str, float]:
+    return {name: values[name] for name in (*c.strengths, *c.start) if name in values}

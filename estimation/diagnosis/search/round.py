@@ -1,0 +1,306 @@
+"""One round of a search: all candidates scored beside a model, the best of them fitted, and the one that the evidence bears out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...problem import Free
+from ...results import Smoothing
+from ..answer.verdict import Tried
+from ..candidates.candidate import Candidate
+from ..candidates.library import library
+from ..candidates.places import joined_to
+from ..evidence.misfit import NEARER, OFF, off
+from ..evidence.offsets import counted_out
+from ..evidence.worth import Worth, gains
+from ..scores.onsets import dated, late, moved
+from ..scores.score import Linearised
+from ..scores.screen import Screen, Screened, screen
+from ..scores.shares import FLOOR, Sizes
+from ..scores.supermodel import looked_at
+from .choice import (
+    CLEAR,
+    chosen,
+    coloured,
+    explaining,
+    held_unseen,
+    inside_unseen,
+    plainest_first,
+    plainness,
+    simplest,
+    sound,
+    steady,
+    stood_for,
+)
+from .elimination import Bare
+from .findings import Judged, fitted_strengths
+from .fits import Base, Fits
+from .indistinct import indistinct
+from .left_over import UNEXPLAINED
+from .refit import at_work, bared, hidden, holds, settled, worth_of
+from .refusals import SIMPLE, Beside, borne_out
+
+DATES = 3  # times that the date of what sets in is sought anew
+HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias
+NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+
+
+@dataclass(frozen=True, kw_only=True)
+class Best:
+    """What a round ends with: the fit that is kept, and candidates that nobody can tell from it."""
+
+    judged: Judged
+    same: tuple[Candidate, ...]
+
+
+@dataclass(kw_only=True)
+class Round:
+    """A model linearised where it came to rest, or where a latent force led, all candidates, their scores, and sizes of what is left.
+
+    base: that model; bare: the first one; loose: as `Beside` has it, and least. fitted: candidates so far, and
+    tried: what became of them.
+    """
+
+    base: Base
+    bare: Bare
+    fits: Fits
+    linearised: Linearised
+    candidates: Sequence[Candidate]
+    found: Screen
+    sizes: Sizes
+    accepted: Sequence[Candidate]
+    loose: tuple[set[str], float]
+    fitted: list[Judged] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, base: Base, bare: Bare, accepted: Sequence[Candidate], loose: tuple[set[str], float], fits: Fits, seed: int) -> Round:
+        """The scores of all candidates. seed: of what is drawn."""
+        problem, solution = bared(base.problem, base.result)
+        linearised = Linearised(solution)
+        candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
+        looks = looked_at(problem, base.model, linearised, candidates)
+        found = screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs)
+        return cls(
+            base=base,
+            bare=bare,
+            fits=fits,
+            linearised=linearised,
+            candidates=candidates,
+            found=found if problem is base.problem else found.beside_white,
+            sizes=Sizes(problem, base.result, linearised),
+            accepted=accepted,
+            loose=loose,
+        )
+
+    def best(self, now: Worth, *, moving: bool) -> Best | Base | None:
+        """The fit that is kept, or the model as it is from where another fit came to rest; None where there is neither.
+
+        now: what the model as it is is worth. moving: whether it may go where a fit came to rest.
+        """
+        most = self.sizes.most
+        self._fit_the_likely(now)
+        plain = [fit for fit in self.fitted if explaining(*fit)]
+        alone = not self.accepted
+        hinted = most > HINT * FLOOR or (alone and self.base.settings.weigh and coloured(self.base.result))
+        least = 0.0 if (contradicting := self._contradicting(plain)) else NEAR * most
+        if contradicting or (not self._explained(plain) and (most > FLOOR or (hinted and not plain))):
+            near = [(self._left_near(c.place, most), c) for c in self.candidates if c.dear]
+            likeliest = sorted((one for one in near if one[0] >= least), key=lambda one: -one[0])  # while there is time
+            self._fit([(c, None) for _, c in likeliest], now)
+        self.fitted.sort(key=lambda f: (-f[2].gain, f[0].rank))
+        good = self._borne_out(self.fitted)
+        if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
+            without = counted_out(self.base.result, all_of_them=True)[0] - counted_out(self.base.result)[0]
+            fits = self.fits.candidates(self.base, [(c, None) for c in constant])
+            good = self._borne_out(self._alone(fits, replace(now, nats=now.nats + without)))
+        if moving and (nearer := self._from_a_fit(now, good)) is not None:
+            return nearer
+        if not good and hinted and alone:
+            good = self._borne_out(self._alone(self._fitted_anew(), now))
+        if not good:
+            return None
+        best = simplest([(f, f[1], f[2].gain, _plainness(f)) for f in good])
+        same = indistinct(best, good)
+        best, same = min([best, *same], key=lambda f: (_plainness(f), -f[2].gain)), [best, *same]
+        return Best(judged=self._set_in(best), same=tuple(f[0] for f in same))
+
+    def _fit_the_likely(self, now: Worth) -> None:
+        """Fits of what the scores make likely, and of what they may not tell of."""
+        worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes) if not self._there(s.candidate)]
+        if worth:
+            worth += held_unseen(self.found, worth, self._unheld)
+        first, rich = plainest_first(worth, self._unheld)
+        self._fit([(s.candidate, s) for s in first], now)
+        held = {c.place for c, _, f in self.fitted if holds(c, self._unheld) and np.isfinite(f.gain)}
+        self._fit([(s.candidate, s) for s in rich if s.candidate.place not in held], now)
+        richer = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
+        self._fit([(s.candidate, s) for s in richer], now)
+        plain = [self.fits.candidates(replace(self.base, result=there), [(c, None)]) for c, there in self._plainer_than_fitted()]
+        self.fitted = _gained([*self.fitted, *(fit for fits in plain for fit in fits)], now)
+
+    def _there(self, c: Candidate) -> bool:
+        """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
+
+        Waves may have others beside them.
+        """
+        if c.onset is not None or "period" in c.named:
+            return False
+        return any(a.key == c.key and a.named.keys() == c.named.keys() and a.onset is None for a in self.accepted)
+
+    def _plainer_than_fitted(self) -> list[tuple[Candidate, Smoothing]]:
+        """Laws of a level alone where a richer law has no end, or its peak at rest is not told, with that one's fit, where theirs begins.
+
+        From where the base came to rest a body that sticks where no output shows it may lead their own fits astray.
+        """
+        found = list[tuple[Candidate, Smoothing]]()
+        for c, _, f in self.fitted:
+            if c.larger is None or (there := f.whole) is None or (np.isfinite(f.gain) and sound(c, f)):
+                continue
+            level = c.larger[1]
+            plain = next((o for o in self.candidates if o.place == c.place and o.physics == SIMPLE.get(level.rpartition(".")[2])), None)
+            if plain is None:
+                continue
+            gained = max((other.gain for o, _, other in self.fitted if o.key == plain.key), default=-np.inf)
+            if not np.isfinite(gained) or gained < f.gain:
+                (strength,) = plain.strengths
+                found.append((replace(plain, start={**plain.start, strength: (there.parameters[level].value, 0.0, np.inf)}), there))
+        return found
+
+    def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
+        """Fits of candidates, held against those that there are."""
+        self.fitted = _gained([*self.fitted, *self._judged(wanted)], now)
+
+    def _judged(self, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
+        """Fits of candidates from where the base came to rest; of what may hold a body that no output shows, from the guesses.
+
+        A model without friction never holds that body: no small steps lead from there to one that sticks, and neither strengths by their
+        scores nor parameters that came to rest without it are anything to start from. Nor does a score tell what such a fit is worth.
+        """
+        holding = [(c, None) for c, _ in wanted if holds(c, self._unheld)]
+        others = [(c, s) for c, s in wanted if not holds(c, self._unheld)]
+        return [*self.fits.candidates(self.base, others), *self.fits.candidates(self._as_guessed, holding, anew=True)]
+
+    @property
+    def _unheld(self) -> set[str]:
+        """Bodies that no output shows, and that nothing in the model may hold at rest."""
+        resting = {name for name, place in self.base.result.residual_places.items() if place.rest_share}
+        return hidden(self.base.problem) - resting - at_work(self.base.problem)
+
+    def _alone(self, fits: list[Judged], now: Worth) -> list[Judged]:
+        """Further fits, best first, with what they gain over the model as it is, whatever others there are."""
+        fits = sorted(_gained(fits, now), key=lambda f: (-f[2].gain, f[0].rank))
+        self.fitted = [*self.fitted, *fits]
+        return fits
+
+    def _fitted_anew(self) -> list[Judged]:
+        """Fits from the guesses of what may be wrong inside of what no output shows, and of what is likely there and did not come to rest.
+
+        What the former are worth no score tells; damping, which has no guess, begins at its score's. Of a model in which something was
+        found already this is not asked: its parameters came to rest with that.
+        """
+        problem, model = self.base.problem, self.base.model
+        unseen = hidden(problem)
+        around = {name for body in unseen & model.components.keys() for name in joined_to(model, body)}
+        inside = (unseen | around) - ({place.name for place in problem.dae.places} - unseen)
+        lost = [s for c, s, f in self.fitted if s is not None and c.place in inside and not np.isfinite(f.gain)]
+        others = [s for s in inside_unseen(self.found, inside) if s not in lost]
+        wanted = [*((s.candidate, s) for s in lost), *((s.candidate, s if s.candidate.physics == "damping" else None) for s in others)]
+        fits = self.fits.candidates(self._as_guessed, wanted, anew=True)
+        return [(c, s if s in lost else None, f) for c, s, f in fits]
+
+    @property
+    def _as_guessed(self) -> Base:
+        """The base with the guesses of its parameters that were given."""
+        own = self.base.problem.parameters
+        given = {name: free for name, free in self.bare.problem.parameters.items() if isinstance(free, Free) and name in own}
+        return replace(self.base, problem=replace(self.base.problem, parameters={**own, **given}))
+
+    def _borne_out(self, fits: list[Judged]) -> list[Judged]:
+        """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""
+        there, least = self.loose
+        beside = Beside(accepted=self.accepted, result=self.base.result, sizes=self.sizes, found=self.found, loose=there, least=least)
+        good, tried = borne_out(fits, beside)
+        self.tried += tried
+        return good
+
+    def _from_a_fit(self, now: Worth, good: list[Judged]) -> Base | None:
+        """The model as it is from where a fit came to rest whose own effect is nothing, where it is better there.
+
+        A model may never fit worse than one of which it is a part. Not asked where what was borne out is about as good as that fit.
+        """
+        least = CLEAR + max((f.gain for _, _, f in good), default=0.0)
+        idle = [(f.gain, c.title, f.whole) for c, _, f in self.fitted if np.isfinite(f.gain) and f.gain >= least and not sound(c, f)]
+        _, title, there = max(idle, key=lambda one: one[0], default=(0.0, "", None))
+        if there is None:
+            return None
+        what = f"the model as it is, from where {title} came to rest"
+        self.fits.say(what)
+        problem, weigh = settled(self.base.problem, there), self.base.settings.weigh
+        again = self.fits.again(replace(self.base, result=there), problem, what)
+        if again is None or not worth_of(problem, again, weighed=weigh).over(now) > CLEAR:
+            return None
+        return replace(self.base, problem=problem, result=again)
+
+    def _set_in(self, best: Judged) -> Judged:
+        """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
+        for _ in range(DATES):
+            c, s, f = best
+            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.worth.solution is None:
+                return best
+            self.fits.say(f"when {c.title} sets in")
+            there = Linearised(f.worth.solution)
+            again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
+            looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
+            if f.result is None or not looks:
+                return best
+            strengths = fitted_strengths(c, f.result)
+            time, gained = moved(there, looks[0], strengths, c.onset)
+            since = s.look.whole.candidate.since(time)
+            if gained < CLEAR or since is None:
+                return best
+            look = replace(s.look, candidate=since)
+            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths, origin=s.origin or s))])
+            c, s, f_again = again_fitted
+            more = f_again.worth.over(f.worth)
+            if more < 0 or not sound(since, f_again):
+                return best
+            best = c, s, replace(f_again, gain=f.gain + more)
+        return best
+
+    def _explained(self, fits: list[Judged]) -> bool:
+        """Whether one of the fits leaves less than half of the left-over variance at the worst place."""
+        left, before = self.sizes.left, self.base.result.residual_places
+        worst = max(left, key=lambda p: left[p], default="")
+        after = [f.result.residual_places[worst].rms for _, _, f in fits if f.result is not None and worst in f.result.residual_places]
+        return bool(after) and min(after) ** 2 < (1.0 - UNEXPLAINED) * before[worst].rms ** 2
+
+    def _contradicting(self, fits: list[Judged]) -> bool:
+        """Whether outputs contradict each other beside the model as it is, and with each of the fits."""
+        if not self.sizes.contradicting > OFF:
+            return False
+        fitted = [(f.problem, f.result) for _, _, f in fits if f.problem is not None and f.result is not None]
+        return all(off(*one, contradicting=True) > NEARER * self.sizes.contradicting for one in fitted)
+
+    def _left_near(self, place: str, most: float) -> float:
+        """What is left over at a place, or the most of what is at those that an element without a balance of its own joins."""
+        left, merged = self.sizes.left, self.base.problem.dae.merged_places
+        if place in left:
+            return left[place]
+        joined = {merged.get(name, name) for name in joined_to(self.base.model, place)}
+        return max((left[name] for name in joined if name in left), default=most)
+
+
+def _plainness(fit: Judged) -> tuple[int, ...]:
+    c, _, f = fit
+    return plainness(c, np.zeros(len(c.strengths)) if f.result is None else fitted_strengths(c, f.result))
+
+
+def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:
+    """The fits with what they gain over the model as it is."""
+    found = gains([(c.place, (c.size, c.rank), f.worth) for c, _, f in fits], now)
+    doubts = [f.worth.doubt(now) if s is None and np.isfinite(f.worth.nats) else 0.0 for _, s, f in fits]
+    return [(c, s, replace(f, gain=gain, doubt=doubt)) for (c, s, f), gain, doubt in zip(fits, found, doubts, strict=True)]

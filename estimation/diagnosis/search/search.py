@@ -1,0 +1,361 @@
+"""The rounds of the search: scores, fits of the best, one that is kept; and what is left when there is none."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...problem import Free, Problem, Weights
+from ...recordings.recording import Recording
+from ...results import Smoothing
+from ...smoothing.program import Settings
+from ...wording import listed
+from ..answer.verdict import Class, Finding, Tried, Undetectable
+from ..answer.words import UNKNOWN
+from ..candidates.candidate import Candidate
+from ..evidence.latent import Latent, without_force
+from ..evidence.worth import Worth
+from ..scores.shares import Sizes, limits
+from .choice import CLEAR, chosen, idle
+from .elimination import Bare
+from .findings import verdict
+from .fits import Base, Fits
+from .left_over import LeftOver
+from .refit import QUICKLY, comparable, hidden, settled, worth_of
+from .refusals import loose
+from .round import Best, Round
+from .standing import FEW, Standing
+
+EFFECTS = 6
+MOVES = 3  # times that the model as it is goes where a fit came to rest
+AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at most; nats for which it is done another time
+LOST = 0.2  # of what an effect gained, that sharp corners may cost
+ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
+OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
+FINER = 1.2  # times as many intervals: a mesh on which numbers are others
+
+
+INCOMPARABLE = (
+    "No models were compared: where the model as it is came to rest the recordings do not tell its parameters and states apart. Give what "
+    "is known of them, in [parameters], in [initial] or by another sensor."
+)
+
+
+@dataclass
+class Search:
+    """What the search has found so far.
+
+    standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
+    of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
+    compared: whether models could be; cut: what may be missing in the model as it stands, and whose fit had no time. moved: how often the
+    model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model
+    without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before:
+    what there was before the last effect was found. aside: what was taken back to be sought again with these weights.
+    """
+
+    standing: Standing
+    fits: Fits
+    settings: Settings = QUICKLY
+    seed: int = 0
+    tried: list[Tried] = field(default_factory=list)
+    undetectable: list[Undetectable] = field(default_factory=list)
+    first_left: dict[str, float] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    before: Standing | None = None
+    bare: Bare = field(init=False)
+    held: tuple[Recording, ...] | None = None
+    compared: bool = field(default=True, init=False)
+    cut: tuple[str, ...] = field(default=(), init=False)
+    moved: int = field(default=0, init=False)
+    asked: Candidate | None = field(default=None, init=False)
+    first: Smoothing = field(init=False, repr=False)
+    first_weights: Weights = field(init=False, repr=False)
+    aside: Standing | None = field(default=None, init=False, repr=False)
+    _sizes: Sizes = field(init=False, repr=False)
+    _checked: Smoothing | None = field(default=None, init=False, repr=False)
+    _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.bare = Bare(problem=without_force(self.standing.problem), model=self.standing.model)
+        self.first, self.first_weights = self.standing.result, self.standing.problem.weights
+
+    @property
+    def problem(self) -> Problem:
+        """The problem with what was found so far."""
+        return self.standing.problem
+
+    @property
+    def result(self) -> Smoothing:
+        """Its smoothing."""
+        return self.standing.result
+
+    @property
+    def most_left(self) -> float:
+        """The largest share of the forces at a place that is left over."""
+        return self._sizes.most
+
+    def run(self) -> None:
+        """Rounds until nothing more is found; then what could not have been seen.
+
+        Where weights are held they come from the data as soon as the model bears it: evidences at held weights find what leads most of the
+        forces astray, but what is left of them then they take for an effect too. A model that has none at held weights is weighed at once,
+        and so is one that has a force for what is missing: nothing leads the others astray.
+        """
+        at_once = isinstance(self.problem.weights, Latent) or not comparable(self.problem, self.result)
+        tried, more = at_once and not self.settings.weigh, True
+        if tried:
+            self._weighed()
+        self._as_fits_are()
+        while more:
+            scored = self._scored()
+            if self._better_from_the_guesses(scored):
+                scored = self._scored()
+            late = self.fits.left == 0
+            self.cut = tuple(s.candidate.title for s in chosen(scored.found, scored.sizes)) if late else ()
+            more = not late and len(self.standing.findings) < EFFECTS and self._went_on(scored)
+            if not self.settings.weigh and (more or not tried):
+                tried = True
+                more |= self._weighed()
+            if more:
+                self._eliminate()
+                self._held_again()
+        self.fits = replace(self.fits, owed=0.0)
+        if late or self.fits.left == 0:
+            self.standing = self.aside or self.standing
+            self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+        if self.cut:
+            self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
+        self._on_a_checked_mesh()
+        self.renew()
+        self._limits(scored)
+
+    def _as_fits_are(self) -> None:
+        """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
+        for k in range(AGAIN if self.settings.weigh else 0):
+            problem = settled(self.problem, self.result)
+            again = self._again(problem, f"the model as it is, as fits are, {k + 1}")
+            if again is None:
+                return
+            more = self._worth(problem, again).over(self.now)
+            if self.result.solver.converged and not more > 0:
+                return
+            self.standing = self.standing.at(problem, again)
+            if more < WORTH:
+                return
+
+    def _on_a_checked_mesh(self) -> None:
+        """The model with what was found on a mesh that no longer moves its numbers: candidates are compared on that which it began with.
+
+        Nothing where it is on such a mesh already.
+        """
+        if self.standing.findings and self.fits.left > 0 and self.result is not self._checked:
+            self.fits.say("the mesh, with what was found")
+            base = replace(self._base, settings=replace(self.settings, check_mesh=True))
+            holds = "".join(f", {r.name} {r.hold}" for r in self.problem.recordings)
+            self._checked = self.fits.again(base, settled(self.problem, self.result), f"on a checked mesh{holds}")
+            self.standing = replace(self.standing, result=self._checked or self.result)
+
+    def _finer(self) -> None:
+        """The same at once, and for all that comes: what a lag makes of a mesh that is too coarse for it, further effects would explain."""
+        had = self.result.solution
+        self._on_a_checked_mesh()
+        now = self.result.solution
+        if had is None or now is None:
+            return
+        before, after = had.transcription, now.transcription
+        if len(after.nlp.steps) > FINER * len(before.nlp.steps):
+            self.settings = replace(self.settings, step=min(float(np.median(h.mesh.steps)) for h in after.horizons))
+
+    def _held_again(self) -> None:
+        """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
+        if self.held is None or not self.standing.findings or self.fits.left == 0:
+            return
+        self.fits.say("held inputs again, with what was found")
+        straight = settled(self.problem, self.result)
+        held = replace(straight, recordings=list(self.held))
+        one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
+        if one is not None and (other is None or self._worth(held, one).over(self._worth(straight, other)) > 0):
+            self.standing, self.held = self.standing.at(held, one), None
+
+    def _eliminate(self) -> None:
+        """What was found before the last effect and is nothing beside it goes out of the model again.
+
+        Where that made a difference, what stayed is asked once more: it may have stood for what is gone.
+        """
+        while self._without_idle_ones():
+            pass
+
+    def _without_idle_ones(self) -> bool:
+        """One turn of that; whether something is gone."""
+        before = len(self.standing.accepted)
+        for k in reversed(range(before - 1)):
+            c = self.standing.accepted[k]
+            if not idle(c, self.result):
+                continue
+            self.fits.say(f"{c.title} is nothing beside what was found later")
+            found = self.without(k)
+            if found is None or self._worth(found.problem, found.result).over(self.now) < -CLEAR:
+                continue
+            self.standing = found.gaining(self.standing.findings[k].gain)
+        return len(self.standing.accepted) < before
+
+    def without(self, k: int, least: float = 0.0) -> Standing | None:
+        """Without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
+
+        least: time that the fit has when the search's is over [s].
+        """
+        posed = self.standing.having(self.standing.others(k), self.bare)
+        if posed is None:
+            return None
+        problem, c = settled(posed[0], self.result), self.standing.accepted[k]
+        found = self.fits.again(self._base, problem, f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}", least=least)
+        return None if found is None else self.standing.taking_out(k, self.standing.at(problem, found, posed[1]))
+
+    def _again(self, problem: Problem, what: str) -> Smoothing | None:
+        return self.fits.again(self._base, problem, what)
+
+    @property
+    def _base(self) -> Base:
+        changes = tuple(f.change for f in self.standing.findings)
+        return Base(problem=self.problem, model=self.standing.model, result=self.result, settings=self.settings, changes=changes)
+
+    @property
+    def now(self) -> Worth:
+        """What the model as it is is worth."""
+        if self._told is None or self._told[0] is not self.result or self._told[1] is not self.settings.weigh:
+            self._told = self.result, self.settings.weigh, self._worth(self.problem, self.result)
+        return self._told[2]
+
+    def _worth(self, problem: Problem, result: Smoothing) -> Worth:
+        """What the models of one round compare by."""
+        return worth_of(problem, result, weighed=self.settings.weigh)
+
+    def renew(self) -> None:
+        """What was found has the numbers that it has in the model as it stands."""
+        self.standing = self.standing.renewed(self._sizes)
+
+    def _scored(self) -> Round:
+        """All candidates beside the model as it is; as much time as that takes is owed to the scores that come after its fits."""
+        now, began = self.standing, time.time()
+        self.fits.say(f"round {len(now.findings) + 1}: scores")
+        brought = loose(now.findings, now.accepted, self.bare.model, now.model)
+        scored = Round.of(self._base, self.bare, now.accepted, brought, self.fits, self.seed)
+        self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
+        self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
+        return replace(scored, fits=self.fits)
+
+    def _better_from_the_guesses(self, scored: Round) -> bool:
+        """Whether the model with what was found is better from the guesses of the study; then it is there.
+
+        Asked once beside what was found last, where a body that no output shows leaves much over. Where the model as it was, which was
+        wrong, came to rest that body's parameters may be anything, and no small steps lead back from there.
+        """
+        unseen = {name: left for name, left in scored.sizes.left.items() if name in hidden(self.problem)}
+        accepted = self.standing.accepted
+        if not accepted or self.asked is accepted[-1] or max(unseen.values(), default=0.0) < ASTRAY or self.fits.left == 0:
+            return False
+        self.asked = accepted[-1]
+        posed = self.standing.having(accepted, self.bare)
+        self.fits.say("the model with what was found, from the guesses")
+        found = None if posed is None else self.fits.anew(self._base, posed[0])
+        if posed is None or found is None or not self._worth(*found).over(self.now) > CLEAR:
+            return False
+        self.standing = self.standing.at(*found, posed[1])
+        return True
+
+    def _went_on(self, scored: Round) -> bool:
+        """Whether a round ends with something to keep, which is kept, or with a better rest of the model as it is.
+
+        None can be better than a model of which nobody knows how good.
+        """
+        now = self.now
+        if not np.isfinite(now.nats):
+            self.compared = False
+            self.notes.append(INCOMPARABLE)
+            return False
+        outcome = scored.best(now, moving=self.moved < MOVES)
+        self.tried += scored.tried
+        self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late)
+        if isinstance(outcome, Base):
+            self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
+        elif outcome is not None:
+            self._keep(scored, outcome)
+        return outcome is not None
+
+    def _weighed(self) -> bool:
+        """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these.
+
+        What was found last at held weights is taken back where these do not bear it out, and where it gained little: then it is sought
+        once more, for a force with a memory and less than its share gains as much.
+        """
+        self.fits.say("weights from the data")
+        found = self.fits.weighed(self._base, self.problem, self.result)
+        if found is None:
+            return False
+        now, found = self.standing.at(*found), None
+        if self.before is not None and (idle(now.accepted[-1], now.result) or now.findings[-1].gain < FEW):
+            self.fits.say(f"{now.accepted[-1].title} is asked again")
+            found = self.fits.weighed(self._base, self.before.problem, now.result)
+        if self.before is not None and found is not None:
+            self.aside = None if idle(now.accepted[-1], now.result) else now
+            now = self.before.at(*found)
+        self.standing, self.settings = now, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
+        if not self.standing.findings:
+            self.first, self.first_weights = self.result, self.problem.weights
+            self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
+        return True
+
+    def _keep(self, scored: Round, best: Best) -> None:
+        """The best becomes a part of the model."""
+        had, now = self.standing, self.standing.keeping(scored, best)
+        c, new, old = now.accepted[-1], now.problem.dae, had.problem.dae
+        brought = {p.name for p in new.places} - {p.name for p in old.places}
+        self.settings = replace(self.settings, supposed=self.settings.supposed | (hidden(now.problem) & brought))
+        self.standing, self.before, self.aside = now, had, None
+        self._free(c)
+        if c.signals and len(new.states) > len(old.states):
+            self._finer()
+
+    def _free(self, c: Candidate) -> None:
+        """What comes free with a candidate once it is kept, and what is rounded by what was found of it, where that is no worse.
+
+        Of rounding it may be a little worse: no machine has such corners, and wide ones pass for what contacts have besides stiffness.
+        """
+        if not (c.later or c.rounded):
+            return
+        free: dict[str, Free | float] = {name: Free(*bounds) for name, bounds in c.later.items()}
+        for name, (whole, share) in c.rounded.items():
+            free[name] = share * self.result.parameters[whole].value
+        problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
+        found = self._again(problem, f"{c.title}, as it was found")
+        least = -LOST * self.standing.findings[-1].gain if c.rounded else 0.0
+        if found is not None and (more := self._worth(problem, found).over(self.now)) > least:
+            self.standing = self.standing.at(problem, found).gaining(more)
+
+    def _limits(self, scored: Round) -> None:
+        """What could not have been seen, and what is left over."""
+        skipped = {f.explanation.key for f in self.standing.findings}
+        self.undetectable = limits(scored.found, scored.sizes, self.standing.model, skipped)
+        self._unexplained(scored.sizes)
+
+    def _unexplained(self, sizes: Sizes) -> None:
+        """What is left over and matters: a finding without a name, or a note beside those that have one."""
+        rest = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed).told(self.tried)
+        if isinstance(rest, Finding):
+            self.standing = replace(self.standing, findings=(rest, *self.standing.findings))
+        elif rest:
+            self.notes.append(rest)
+
+    def withdraw(self) -> None:
+        """The model as it was declared; of what was found only forces without a name stay."""
+        nameless = tuple(f for f in self.standing.findings if f.explanation.physics == UNKNOWN)
+        problem = replace(self.bare.problem, weights=self.first_weights)
+        self.standing = Standing(problem=problem, model=self.bare.model, result=self.first, findings=nameless)
+
+    def verdict(self) -> Class:
+        """One word for what was found; where nothing was, and models were not compared or had no time, there is none."""
+        if not self.compared or (self.cut and not self.standing.findings):
+            return "undecided"
+        return verdict(self.standing.findings)
