@@ -65,6 +65,10 @@ Jobs = Annotated[int, typer.Option("--jobs", metavar="N", help="Processes for in
 AllJobs = Annotated[
     int | None, typer.Option("--jobs", metavar="N", help="Processes for independent pieces of work (default: one for every processor).")
 ]
+Seconds = Annotated[
+    float | None,
+    typer.Option("--seconds", metavar="S", min=1.0, help="The search ends after so long with what it has; the proof comes after it (840)."),
+]
 Scheduler = Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Do them on this Dask cluster instead.")]
 Stdin = Annotated[bool, typer.Option("--stdin", help="Read rows from standard input as they come, and write an estimate for each.")]
 State = Annotated[
@@ -225,11 +229,13 @@ def diagnose(
     verbose: Verbose = False,
     quiet: Quiet = False,
     json: Json = False,
+    seconds: Seconds = None,
 ) -> int:
     """Find what the model leaves out: where it is, what it is, how sure that is, and what could not have been seen."""
     from .commands import Options, run_diagnose
 
-    return run_diagnose(study, Options(out=out, jobs=_all_of(jobs), scheduler=scheduler, verbose=verbose, quiet=quiet, json=json))
+    options = Options(out=out, jobs=_all_of(jobs), scheduler=scheduler, verbose=verbose, quiet=quiet, json=json)
+    return run_diagnose(study, options, seconds)
 
 
 def _all_of(jobs: int | None) -> int:

@@ -147,13 +147,17 @@ def run_weigh(path: Path, options: Options, vary: Mapping[str, Sequence[float]] 
     return DONE if found.recommended.solver.converged else NO_CONVERGENCE
 
 
-def run_diagnose(path: Path, options: Options) -> int:
-    """Find what a study's model leaves out. Finished parts stay in a hidden folder beside the results until these are written."""
-    return _diagnose(Study.read(path), options.out or _named_after(path, "_diagnosed"), options, command="diagnose")
+def run_diagnose(path: Path, options: Options, seconds: float | None = None) -> int:
+    """Find what a study's model leaves out, in a search of so many seconds.
+
+    Finished parts stay in a hidden folder beside the results until these are written.
+    """
+    return _diagnose(Study.read(path), options.out or _named_after(path, "_diagnosed"), options, command="diagnose", seconds=seconds)
 
 
-def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int:
+def _diagnose(study: Study, out: Path, options: Options, *, command: str, seconds: float | None = None) -> int:
     from ..diagnosis import diagnose
+    from ..diagnosis.diagnose import SEARCH
     from ..report import write_diagnosis_report
 
     check_workers(options.jobs, options.scheduler)
@@ -162,9 +166,11 @@ def _diagnose(study: Study, out: Path, options: Options, *, command: str) -> int
         say("reading the study")
         kept(keep)
         problem = replace(study.problem(), model=study.model)
-        found: Diagnosis = diagnose(problem, jobs=options.jobs, scheduler=options.scheduler, keep=keep, progress=say)
+        limit = SEARCH if seconds is None else seconds
+        found: Diagnosis = diagnose(problem, jobs=options.jobs, scheduler=options.scheduler, keep=keep, seconds=limit, progress=say)
         say("writing the report")
-        code = repaired_code(found)
+        code, unwritten = repaired_code(found, out)
+        found = replace(found, notes=(*found.notes, *unwritten))
         result = result_of_diagnosis(found) | {"command": command, "repaired_model": REPAIRED if code else None}
         if code:
             (folder / REPAIRED).write_text(code, encoding="utf-8")

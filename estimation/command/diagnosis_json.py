@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from .result_json import result_of_smoothing
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ..diagnosis import Diagnosis, Explanation, Finding, HeldOut, Tried
 
 
@@ -31,10 +33,10 @@ def result_of_diagnosis(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-def repaired_code(found: Diagnosis) -> str | None:
-    """The repaired model as a Python file, for a study, a simulation or an export.
+def repaired_code(found: Diagnosis, folder: Path) -> tuple[str | None, list[str]]:
+    """The repaired model as a Python file in a folder, for a study, a simulation or an export; and notes on why there is none.
 
-    None where nothing that has a name was found, and where a component is of a class of the user's own, which it could not import.
+    None where nothing that has a name was found, and where a component is of a class that no file has, so that it could not be imported.
     """
     from backsight.models.errors import ModelError
     from backsight.models.exchange import python_code
@@ -42,11 +44,11 @@ def repaired_code(found: Diagnosis) -> str | None:
     from ..diagnosis.answer.words import repairs, sentence
 
     if not repairs(found):
-        return None
+        return None, []
     try:
-        return python_code(found.model, said=sentence(found))
-    except ModelError:
-        return None
+        return python_code(found.model, said=sentence(found), folder=folder), []
+    except ModelError as error:
+        return None, [f"The repaired model was not written as code: {error}."]
 
 
 def _finding(f: Finding) -> dict[str, Any]:

@@ -165,8 +165,8 @@ def repaired_model(folder: Path) -> str | None:
         return f"{(folder / file).resolve()}:{function_name(name)}"
     if any(physics != UNKNOWN for physics in found):
         raise InputError(
-            f"--estimates {folder}: its repaired model has a component of a class of your own and was not written; put {', '.join(found)} "
-            "into the study's model and smooth that"
+            f"--estimates {folder}: its repaired model has a component of a class that no file has, and was not written; "
+            f"put {', '.join(found)} into the study's model and smooth that"
         )
     return None
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import keyword
+import os
 import re
 import sys
 import textwrap
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any
 
 from ..errors import ModelError
@@ -20,17 +22,24 @@ PACKAGE = __name__.partition(".models")[0] + ".models"
 WIDTH = 120  # of what stands above
 
 
-def python_code(model: Model, said: str = "") -> str:
+def python_code(model: Model, said: str = "", folder: Path | None = None) -> str:
     """A Python file with a function of the model's name that returns it: equal to this one, every number to its last digit.
 
-    said: what stands above it. Raises ModelError for a component whose class is not of the library: such a file could not import it.
+    said: what stands above it. folder: where the file will stand, from where it imports classes that are not of the library, of the files
+    that they were loaded from. Raises ModelError for a component of such a class without a folder, or of no file.
     """
-    imported = defaultdict[str, set[str]](set)
+    imported, own = defaultdict[str, set[str]](set), dict[str, set[str]]()
     noisy = any(o.noise_std is not None for o in model.measured.values())
     imported[PACKAGE] |= {"Model", *(["Output"] if noisy else []), *(["Parameter"] if model.parameters else [])}
     for name, component in model.components.items():
-        imported[_home(model, name, component)].add(type(component).__name__)
+        if (home := _home(component)) is not None:
+            imported[home].add(type(component).__name__)
+        else:
+            file = _file(model, name, component, folder)
+            own.setdefault(file, set()).add(type(component).__name__)
     lines = [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(imported.items())]
+    if folder is not None and own:
+        lines = ["import sys", "from pathlib import Path", "", *lines, "", *_from_files(own, folder)]
     parts = [f"name={_text(model.name)},", *([f"description={_text(model.description)},"] if model.description else [])]
     parts += _table("components", {name: _component(c) for name, c in model.components.items()})
     parts += _list("connections", [_pair(c) for c in model.connections])
@@ -54,18 +63,34 @@ def function_name(model: str) -> str:
     return f"_{name}" if name[0].isdigit() or keyword.iskeyword(name) else name
 
 
-def _home(model: Model, name: str, component: Component) -> str:
-    """The shortest name of a package of the library from which the component's class is imported."""
+def _home(component: Component) -> str | None:
+    """The shortest name of a package of the library from which the component's class is imported; None where it is of none."""
     kind = type(component)
     parts = kind.__module__.split(".")
     for count in range(PACKAGE.count(".") + 1, len(parts) + 1):
         module = ".".join(parts[:count])
         if module.startswith(PACKAGE) and getattr(sys.modules.get(module), kind.__name__, None) is kind:
             return module
-    raise ModelError(
-        f"python_code: component '{name}' of '{model.name}' is a {kind.__name__} of {kind.__module__}, which is not in the library: "
-        f"a file could not import it; edit the function that makes the model by hand"
-    )
+    return None
+
+
+def _file(model: Model, name: str, component: Component, folder: Path | None) -> str:
+    """The file of a class that is not of the library, from which another file can import it."""
+    kind = type(component)
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    if folder is None or file is None or not Path(file).stem.isidentifier() or "." in kind.__qualname__:
+        raise ModelError(
+            f"python_code: component '{name}' of '{model.name}' is a {kind.__name__} of {kind.__module__}, which is not in the library: "
+            f"a file could not import it; edit the function that makes the model by hand"
+        )
+    return str(file)
+
+
+def _from_files(own: Mapping[str, set[str]], folder: Path) -> list[str]:
+    """Imports of a user's own classes: file -> their names. By the way from the folder, so that both may move together."""
+    where = sorted({os.path.relpath(Path(file).resolve().parent, folder.resolve()) for file in own})
+    ways = [f"sys.path.insert(0, str((Path(__file__).parent / {_text(Path(way).as_posix())}).resolve()))" for way in where]
+    return [*ways, *(f"from {Path(file).stem} import {', '.join(sorted(names))}" for file, names in sorted(own.items()))]
 
 
 def _component(component: Component) -> str:

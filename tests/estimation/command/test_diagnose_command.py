@@ -20,6 +20,7 @@ from backsight.estimation.command.diagnosis_json import result_of_diagnosis
 from backsight.estimation.diagnosis import Diagnosis, Explanation, Strength, Tried
 from backsight.estimation.diagnosis.answer.verdict import TOO_SMALL
 from backsight.estimation.diagnosis.answer.words import sentence, with_deviation
+from backsight.estimation.diagnosis.diagnose import SEARCH
 from backsight.models import InputError
 
 STUDY = f"""model = "actuator"
@@ -73,6 +74,7 @@ def test_the_verdict_is_written_with_its_findings_its_proof_and_its_limits(study
     assert json.loads((folder / "result.json").read_text(encoding="utf-8")) == printed
     assert search.asked["jobs"] == 2
     assert search.asked["scheduler"] is None
+    assert search.asked["seconds"] == SEARCH
     assert search.asked["keep"] == study.parent / ".axis_diagnosed.parts"
     assert [r.time[-1] for r in search.asked["problem"].recordings] == [1.0]
     assert printed["command"] == "diagnose"
@@ -140,7 +142,15 @@ def test_a_repaired_model_that_could_not_be_written_is_not_simulated_as_if_it_we
     result.write_text(json.dumps(json.loads(result.read_text(encoding="utf-8")) | {"repaired_model": None}), encoding="utf-8")
     capsys.readouterr()
     assert main(["simulate", str(study), "--estimates", str(result.parent)]) == 2
-    assert "has a component of a class of your own and was not written; put coulomb_friction into" in capsys.readouterr().err
+    assert "has a component of a class that no file has, and was not written; put coulomb_friction into" in capsys.readouterr().err
+
+
+def test_a_search_ends_when_it_is_told_to(study, search, capsys):
+    assert main(["diagnose", str(study), "--json", "--seconds", "90"]) == 0
+    assert search.asked["seconds"] == 90.0
+    capsys.readouterr()
+    assert main(["diagnose", str(study), "--seconds", "0"]) == 2
+    assert "--seconds" in capsys.readouterr().err
 
 
 def test_where_nothing_was_found_there_is_no_repaired_model(study, search, capsys):

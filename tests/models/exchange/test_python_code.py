@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -64,3 +68,53 @@ def test_a_component_of_a_users_own_is_named():
 
 def test_the_file_is_written_as_the_house_writes(tmp_path: Path):
     assert python_code(PLANTS["xy_table"]()).startswith('"""The model xy_table."""\n\nfrom backsight.models import ')
+
+
+OWN = """
+from backsight.models import Model, law
+from backsight.models.mechanics.translational import Element, Fixed, Force, Mass
+from limits import LIMIT
+
+
+class Magnet(Element):
+    def equations(self, c):
+        return {**super().equations(c), "attraction": law(c.f, LIMIT / (1.0 + c.s_rel**2))}
+
+
+def drive():
+    return Model(
+        name="drive",
+        components={"motor": Force(), "body": Mass(m=2.0), "magnet": Magnet(), "base": Fixed()},
+        connections=[("motor.flange", "body.flange"), ("body.flange", "magnet.flange_a"), ("magnet.flange_b", "base.flange")],
+        inputs={"F": "motor.f"},
+        outputs={"s": "body.s"},
+    )
+"""
+
+
+def loaded(file: Path, monkeypatch) -> ModuleType:
+    """As a study loads it, under a name that no other file could import."""
+    spec = spec_from_file_location("under_a_name_of_its_own", file)
+    module = module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, module)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("out", ["", "results", "of/several"])
+def test_a_component_of_a_users_own_file_is_imported_from_there(tmp_path, monkeypatch, out):
+    """By the way from where the file will stand, wherever both are then."""
+    (tmp_path / "here" / out).mkdir(parents=True)
+    (tmp_path / "here" / "machine.py").write_text(OWN, encoding="utf-8")
+    (tmp_path / "here" / "limits.py").write_text("LIMIT = 3.0\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path / "here")
+    model = loaded(tmp_path / "here" / "machine.py", monkeypatch).drive().with_values(body={"m": 1 / 3})
+    code = python_code(model, folder=tmp_path / "here" / out)
+    (tmp_path / "here" / out / "repaired.py").write_text(code, encoding="utf-8")
+    (tmp_path / "here").rename(tmp_path / "there")
+    done = subprocess.run(
+        [sys.executable, "-c", "import repaired; print(sorted(type(c).__name__ for c in repaired.drive().components.values()), "
+         "repaired.drive().components['body'].parameters['m'] == 1 / 3)"],
+        cwd=tmp_path / "there" / out, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.split() == ["['Fixed',", "'Force',", "'Magnet',", "'Mass']", "True"]
