@@ -17,6 +17,7 @@ KINDS = {
 }  # family -> how what was found is said
 LEFT_OUT = "The model leaves out"
 STANDING_OUT = 10.0  # nats, of an effect that is too small to matter: with as much it is told of, for it is there
+NAMED = 3  # of what recordings cannot tell apart
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 
@@ -35,7 +36,7 @@ def repairs(found: Diagnosis) -> bool:
 
 def sentence(found: Diagnosis) -> str:
     """The verdict: The model leaves out coulomb friction at carriage (f_c = 20.31 ± 0.12 N). Held out: prediction errors 71 % smaller."""
-    return f"{_verdict(found)}{gain(found.held_out)}"
+    return f"{_verdict(found)}{gain(found.held_out)}{_untold(found)}"
 
 
 def _verdict(found: Diagnosis) -> str:
@@ -61,6 +62,17 @@ def _verdict(found: Diagnosis) -> str:
             rivals = [e.words for f in found.findings for e in (f.explanation, *f.rivals)]
             return f"Something is missing, and these recordings cannot tell which it is: {listed(list(dict.fromkeys(rivals)))}."
     return " ".join(_clauses(found.findings))
+
+
+def _untold(found: Diagnosis) -> str:
+    """Of every finding what these recordings do not tell it from, the first few of many; nothing where the verdict says so."""
+    told = ""
+    for f in found.findings if found.verdict not in ("unknown_physics", "undecided") else ():
+        if f.rivals:
+            some, more = [r.words for r in f.rivals[:NAMED]], len(f.rivals) - NAMED
+            rest = [f.rivals[-1].words] if more == 1 else [f"one of {more} more"] if more > 1 else []
+            told += f" In the place of {f.explanation.words} it may be {' or '.join([*some, *rest])}: these recordings cannot tell."
+    return told
 
 
 def _small(tried: Sequence[Tried]) -> Explanation | None:

@@ -212,13 +212,24 @@ def test_what_was_found_beside_a_wrong_value_is_none():
     m = Strength(value=95.1, std=0.52, unit="kg")
     mass = Explanation(place="carriage", family="parameter", physics="wrong_parameter", parameters={"carriage.m": m})
     gain = Explanation(place="sensor:x", family="sensor", physics="sensor_gain")
-    first = diagnosis().findings[0]
+    first = replace(diagnosis().findings[0], rivals=())
     friction = replace(first.explanation, parameters={})
     findings = tuple(replace(first, explanation=e) for e in (mass, friction, gain))
     assert sentence(replace(diagnosis(), verdict="parameter", findings=findings, held_out=None)) == (
         "A given value is wrong: carriage.m = 95.10 ± 0.52 kg. The model leaves out coulomb friction at carriage. "
         "A sensor does not read what the model supposes: sensor gain at sensor:x."
     )
+
+
+def test_what_recordings_cannot_tell_apart_is_said_at_once():
+    rivals = tuple(Explanation(place=f"input:{k}", family="actuator", physics="input_offset") for k in "abcde")
+    for count, end in (
+        (1, "it may be input offset at input:a: these recordings cannot tell."),
+        (4, "or input offset at input:c or input offset at input:d: these recordings cannot tell."),
+        (5, "or input offset at input:c or one of 2 more: these recordings cannot tell."),
+    ):
+        assert said("missing_physics", rivals=rivals[:count]).endswith(end)
+    assert "cannot tell" not in said("missing_physics", rivals=())
 
 
 def test_every_verdict_is_one_sentence():
@@ -230,7 +241,7 @@ def test_every_verdict_is_one_sentence():
         physics="wrong_parameter",
         parameters={"carriage.m": m},
     )
-    assert said("parameter", explanation=mass) == "A given value is wrong: carriage.m = 95.10 ± 0.52 kg."
+    assert said("parameter", explanation=mass, rivals=()) == "A given value is wrong: carriage.m = 95.10 ± 0.52 kg."
     assert said("undecided", rivals=(rival,)).endswith("which it is: coulomb friction at carriage and input offset at input:F.")
     refuted = replace(diagnosis(), verdict="undecided", held_out=replace(diagnosis().held_out, p_value=0.999, improvement_percent=-3.0))
     assert "would explain it where it was fitted alone" in sentence(refuted)
