@@ -34,11 +34,10 @@ class Gauges:
     def __init__(self, dae: Dae, parameters: Array, along: Sequence[int] = ()) -> None:
         self.dae, self._rng = dae, np.random.default_rng(0)
         self._p = np.where(parameters == 0, self._rng.uniform(0.1, 1.0, len(parameters)), parameters)
-        sizes = [q.nominal for q in dae.states], [q.nominal for q in dae.states], np.abs(self._p)[list(along)]
-        self._states, self._rates, self._along = map(np.array, sizes)
+        self._states, self._along = np.array([q.nominal for q in dae.states]), np.abs(self._p)[list(along)]
         there, arguments = ca.vertcat(dae.residual, dae.invariants, dae.output), [dae.x, dae.dx, dae.z, dae.u, dae.p, dae.w, dae.t]
-        by_p = ca.jacobian(there, dae.p)[:, list(along)]
-        by = [ca.horzcat(ca.jacobian(there, dae.x), by_p), *(ca.jacobian(there, v) for v in (dae.dx, dae.z, dae.u))]
+        taken = ca.vertcat(dae.x, *(dae.p[i] for i in along))
+        by = [ca.jacobian(there, v) for v in (taken, dae.dx, dae.z, dae.u)]
         self._derivatives = ca.Function("derivatives", arguments, by)
         self._depends = np.array(ca.DM(by[0].sparsity(), 1.0).full(), dtype=bool)
         self._looks = [self._look(np.zeros(len(dae.states))) for _ in range(LOOKS)]
@@ -84,11 +83,11 @@ class Gauges:
         """Derivatives by states and parameters at a random point and a shift from there, over the norm of all of their equation's."""
         dae, rng = self.dae, self._rng
         x = np.array([q.start for q in dae.states]) + self._states * (shift + rng.standard_normal(len(shift)))
-        dx = self._rates * rng.standard_normal(len(shift))
+        dx = self._states * rng.standard_normal(len(shift))
         z, u, w = (rng.standard_normal(v.numel()) for v in (dae.z, dae.u, dae.w))
         found = self._derivatives(x, dx, z, u, self._p, w, rng.uniform())
         by, by_dx, *others = (np.asarray(ca.DM(part).full(), dtype=np.float64) for part in found)
-        by, by_dx = by * np.concatenate([self._states, self._along]), by_dx * self._rates
+        by, by_dx = by * np.concatenate([self._states, self._along]), by_dx * self._states
         length = np.linalg.norm(np.hstack([by, by_dx, *others]), axis=1, keepdims=True)
         return np.asarray(by / np.where(length > 0, length, 1.0), dtype=np.float64)
 

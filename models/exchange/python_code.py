@@ -28,15 +28,14 @@ def python_code(model: Model, said: str = "", folder: Path | None = None) -> str
     said: what stands above it. folder: where the file will stand, from where it imports classes that are not of the library, of the files
     that they were loaded from. Raises ModelError for a component of such a class without a folder, or of no file.
     """
-    imported, own = defaultdict[str, set[str]](set), dict[str, set[str]]()
+    imported, own = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)
     noisy = any(o.noise_std is not None for o in model.measured.values())
     imported[PACKAGE] |= {"Model", *(["Output"] if noisy else []), *(["Parameter"] if model.parameters else [])}
     for name, component in model.components.items():
         if (home := _home(component)) is not None:
             imported[home].add(type(component).__name__)
         else:
-            file = _file(model, name, component, folder)
-            own.setdefault(file, set()).add(type(component).__name__)
+            own[_file(model, name, component, folder)].add(type(component).__name__)
     lines = [f"from {module} import {', '.join(sorted(names))}" for module, names in sorted(imported.items())]
     if folder is not None and own:
         lines = ["import sys", "from pathlib import Path", "", *lines, "", *_from_files(own, folder)]

@@ -144,6 +144,8 @@ def _put_somewhere(problem: Problem, candidate: Candidate) -> Problem:
     """
     lean, own = problem.split, {*candidate.strengths, *candidate.start}
     along = [i for i in lean.free if lean.dae.parameters[i].name in own]
+    if not along:
+        return problem
     piece = lean.fitted[0]
     held = Gauges(lean.dae, lean.values, along).taken_along(piece.outputs, lean.known_at(piece))
     given = {lean.dae.parameters[along[k]].name: float(lean.values[along[k]]) for k in held}
