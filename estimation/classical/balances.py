@@ -10,6 +10,7 @@ import numpy as np
 
 from backsight.models.errors import InputError
 from backsight.models.simulation.simulate import sharp_values
+from backsight.ocp.columnwise import Columnwise
 
 from ..problem import Problem
 from ..wording import listed
@@ -25,17 +26,12 @@ class Balances:
 
     rows: tuple[int, ...]
     values: Array
-    function: Any
+    function: Columnwise
 
     def along(self, motion: Motion) -> tuple[Array, Array]:
         """F (M, r) and F_p (M, r, p) at the guesses of the free parameters."""
-        M, r = len(motion.t), len(self.rows)
-        parameters = np.repeat(self.values[:, None], M, axis=1)
-        F, slope = (
-            np.asarray(a, dtype=np.float64)
-            for a in self.function.map(M)(motion.dx, motion.x, motion.z, motion.u, parameters, motion.t[None, :])
-        )
-        return F.T, slope.reshape(-1, r, M).transpose(2, 1, 0)
+        F, slope = self.function(motion.dx, motion.x, motion.z, motion.u, self.values, motion.t[None, :])
+        return F.T, slope.reshape(-1, len(self.rows), len(motion.t)).transpose(2, 1, 0)
 
 
 def linear_balances(problem: Problem, method: str) -> Balances:
@@ -75,7 +71,8 @@ def linear_balances(problem: Problem, method: str) -> Balances:
             "prediction_error or smooth, which need not see every state."
         )
     columns = ca.vec(ca.jacobian(F[rows], p))
-    function = ca.Function("balances", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(F[rows]), ca.densify(columns)])
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
+    function = Columnwise(ca.Function("balances", arguments, [ca.densify(F[rows]), ca.densify(columns)]), (4,))
     given = {
         q.name: float(v) for q, v in zip(dae.parameters, problem.values, strict=True) if not q.smoothing or q.name in problem.parameters
     }

@@ -10,6 +10,7 @@ import numpy as np
 
 from backsight.models import Dae
 from backsight.ocp import Horizon
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
@@ -25,11 +26,11 @@ LOOKED_AT = 500  # places of a recording where the forces are looked at
 def along(dae: Dae, expression: Any, followed: Followed, number: int, times: Array, parameters: Array) -> Array:
     """An expression of the model along a followed trajectory, (rows, M)."""
     arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
-    function = ca.Function("along", arguments, [ca.densify(expression)])
+    function = Columnwise(ca.Function("along", arguments, [ca.densify(expression)]), (4, 5))
     dx, x, z = followed.at(number, times)
     u = followed.horizons[number].input_at(times)
-    values = function.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
-    return np.asarray(values, dtype=np.float64)
+    (values,) = function(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), followed.horizons[number].clock + times[None, :])
+    return values
 
 
 def forces(

@@ -14,11 +14,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.follow import Followed
 from backsight.ocp.polynomials import Array
 
@@ -98,8 +98,7 @@ class KnownForces:
         for number in range(len(self.followed.horizons)):
             run = driven.run(self.followed, number, parameters)
             along = driven.filled(driven.along(self.followed, number, run.times), run.state, run.rate)
-            p = np.repeat(parameters[:, None], len(run.times), axis=1)
-            parts.append([np.asarray(a, dtype=np.float64) for a in self._function.map(len(run.times))(*along, p)])
+            parts.append(self._function(*along, parameters))
         whole, known = (np.concatenate(a, axis=1) for a in zip(*parts, strict=True))
         return whole, known
 
@@ -108,10 +107,11 @@ class KnownForces:
         return Driven(self.problem.dae, dict(self.rows))
 
     @cached_property
-    def _function(self) -> Any:
+    def _function(self) -> Columnwise:
         dae, unseen = self.problem.dae, set(self.rows.values())
         seen = [row for row, e in enumerate(dae.equations) if e.place is not None and row not in unseen]
         F = dae.undisturbed(dae.residual[seen])
         p = ca.vertcat(*(dae.p[i] for i in self.proportional))
         answers = [F, ca.substitute(F, p, ca.SX.zeros(p.shape))]
-        return ca.Function("known_forces", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p], [ca.densify(a) for a in answers])
+        arguments = [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p]
+        return Columnwise(ca.Function("known_forces", arguments, [ca.densify(a) for a in answers]), (5,))

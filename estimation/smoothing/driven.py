@@ -23,6 +23,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from backsight.models import Dae
+from backsight.ocp.called import Called
 from backsight.ocp.follow import Followed
 from backsight.ocp.passing import passing_through
 from backsight.ocp.polynomials import Array
@@ -127,13 +128,12 @@ class Driven:
             first = self._resting([a[:, :1] for a in along], parameters)
         else:
             first = np.concatenate([first, first, np.zeros(n * len(self.free))])
-        p = np.repeat(parameters[:, None], len(times), axis=1)
-        after = np.asarray(self._steps(len(times))(first, *along, p, h[None, :]), dtype=np.float64)
+        (after,) = self._steps(len(times))(first, *along, parameters[:, None], h[None, :])
         both = np.hstack([first[:, None], after])
         S = both[2 * n :].reshape(len(self.free), n, len(instants)).transpose(1, 2, 0)
         return Run(
             times=times,
-            state=after[n : 2 * n],
+            state=both[n : 2 * n, 1:],
             rate=np.diff(both[:n]) / h,
             state_slope=S[:, :-1] + theta * np.diff(S, axis=1),
             rate_slope=np.diff(S, axis=1) / h[:, None],
@@ -186,9 +186,9 @@ class Driven:
         return ca.Function("rest", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p], [ca.densify(a) for a in answers])
 
     @cached_property
-    def _steps(self) -> Callable[[int], Any]:
+    def _steps(self) -> Callable[[int], Called]:
         """How many of them -> steps in a row, each from where the last one ended."""
-        return cache(self._step.mapaccum)
+        return cache(lambda count: Called(self._step.mapaccum(count)))
 
     @cached_property
     def _step(self) -> Any:

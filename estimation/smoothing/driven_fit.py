@@ -9,16 +9,15 @@ balance has room for its own forces, rotors of any gain explain any motion, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
-from typing import Any
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
 from backsight.ocp import Horizon
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.follow import Followed
 from backsight.ocp.pieces import Pieces
 from backsight.ocp.polynomials import Array
@@ -65,10 +64,9 @@ class Seen:
 
     def _at(self, state: Array, rate: Array, along: tuple[Array, ...], parameters: Array) -> tuple[Array, ...]:
         """F (balances, M) and its slopes (balances, M, ..) in l', l and the free parameters, at l and l' (n, M)."""
-        (dx, x, *others), count = self.driven.filled(along, state, rate), state.shape[1]
-        p, p_ref = (np.repeat(a[:, None], count, axis=1) for a in (parameters, self.reference))
-        r, *parts = (np.asarray(a, dtype=np.float64) for a in self._at_once(count)(dx, x, *others, p, p_ref))
-        return r, *(a.reshape(len(self.rows), count, a.shape[1] // count) for a in parts)
+        count = state.shape[1]
+        r, *parts = self._balances(*self.driven.filled(along, state, rate), parameters, self.reference)
+        return r, *(a.reshape(-1, len(self.rows), count).transpose(1, 2, 0) for a in parts)
 
     def begun(self, instants: Array, along: tuple[Array, ...], parameters: Array, known: Array | None = None) -> Array:
         """Where the unseen start (n,): at rest, at zero, or where the seen balances have them; what these say afterwards counts.
@@ -154,19 +152,15 @@ class Seen:
         return [int(place) for row in rows if (place := self.problem.dae.equations[row].place) is not None]
 
     @cached_property
-    def _at_once(self) -> Callable[[int], Any]:
-        """How many points -> the balances at all of them."""
-        return cache(self._balances.map)
-
-    @cached_property
-    def _balances(self) -> Any:
+    def _balances(self) -> Columnwise:
         """(x', x, z, u, t, p, p_ref) -> F of the seen balances and its Jacobians in l', l and the free parameters."""
         dae, t = self.driven.dae, self.followed.transcription
         places = tuple(self._places([*self.rows, *self.driven.rows.values()]))  # a signal's lag has none
         pieces = Pieces(dae, t.nlp.interpolation, t.horizons, t.offsets, places)
         F = pieces.balances()[: len(self.rows)]
-        answers = [F, *(ca.jacobian(F, s) for s in self.driven.symbols)]
-        return ca.Function("balances", [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p, pieces.p_ref], [ca.densify(a) for a in answers])
+        answers = [F, *(ca.vec(ca.jacobian(F, s)) for s in self.driven.symbols)]
+        arguments = [dae.dx, dae.x, dae.z, dae.u, dae.t, dae.p, pieces.p_ref]
+        return Columnwise(ca.Function("balances", arguments, [ca.densify(a) for a in ca.cse(answers)]), (5, 6))
 
 
 def _beginning(instants: Array, along: tuple[Array, ...], least: int) -> tuple[Array, tuple[Array, ...]]:

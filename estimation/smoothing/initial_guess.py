@@ -10,6 +10,7 @@ import numpy as np
 
 from backsight.models import Dae
 from backsight.ocp import Transcription
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.follow import Followed
 from backsight.ocp.passing import passing_through
 
@@ -75,12 +76,12 @@ def _inside(problem: Problem, index: int, value: float) -> float:
 
 def _probe(dae: Dae, followed: Followed, parameters: Array, expression: Any) -> list[Array]:
     """`expression` of the model along every horizon's followed trajectory, at the middles of the mesh; each (rows, N)."""
-    inner = ca.Function("probe", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t], [ca.densify(expression)])
+    arguments = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.w, dae.t]
+    probe = Columnwise(ca.Function("probe", arguments, [ca.densify(expression)]), (4, 5))
     out = []
     for number, horizon in enumerate(followed.horizons):
         times = horizon.mesh.knots[:-1] + horizon.mesh.steps / 2
         dx, x, z = followed.at(number, times)
         u = horizon.projected_input(1, np.array([0.5]))
-        values = inner.map(len(times))(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), horizon.clock + times[None, :])
-        out.append(np.asarray(values, dtype=np.float64))
+        out += probe(dx, x, z, u, parameters, np.zeros(dae.w.shape[0]), horizon.clock + times[None, :])
     return out

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 
 from backsight.ocp import Horizon, Solution
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.polynomials import gauss, legendre
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -40,16 +41,16 @@ def unresolved_moment(solution: Solution) -> float:
         return np.inf
     ip, dae, K, steps = t.nlp.interpolation, t.dae, t.degree, t.nlp.steps
     F = dae.undisturbed(dae.residual[dae.rows_of(t.soft)])
-    balance = ca.Function("balance", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(F)])
+    balance = Columnwise(ca.Function("balance", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(F)]), (4,))
     nodes, weights = gauss(K + 2)
     interval = np.repeat(np.arange(len(steps)), len(nodes))
     local = t.nlp.local(solution.solved.decisions[: t.nlp.trajectory_size])[:, interval]
     v = ip.apply(ip.values(np.tile(nodes, len(steps)), steps[interval]), local)
     dx, x, z = v[: ip.states], v[ip.states : 2 * ip.states], v[2 * ip.states : 2 * ip.states + ip.algebraics]
     data = np.hstack([h.point_data(K, nodes) for h in t.horizons])
-    values = balance.map(len(interval))(dx, x, z, data[:-1], np.repeat(solution.parameters[:, None], len(interval), axis=1), data[-1:])
+    (values,) = balance(dx, x, z, data[:-1], solution.parameters, data[-1:])
     weight = weights * legendre(K + 1, nodes)[K]
-    moments = np.asarray(values, dtype=np.float64).reshape(len(t.soft), len(steps), len(nodes)) @ weight
+    moments = values.reshape(len(t.soft), len(steps), len(nodes)) @ weight
     return float(np.sqrt(np.mean((moments * np.sqrt(steps) / t.force_std_at(solution.values)) ** 2)))
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backsight.models.quadratures import step
-from backsight.ocp.moving.called import Called
+from backsight.ocp.called import Called
 from backsight.ocp.moving.stage import Stage
 
 from ..problem import Problem

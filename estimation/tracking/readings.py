@@ -10,7 +10,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from backsight.ocp.moving.called import Called
+from backsight.ocp.called import Called
 from backsight.ocp.moving.stage import Stage
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from backsight.ocp.moving.called import Called
+from backsight.ocp.called import Called
 from backsight.ocp.moving.native import native
 from backsight.ocp.moving.stage import Stage
 from backsight.ocp.moving.window import Window

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from backsight.ocp import Solution
+from backsight.ocp.columnwise import Columnwise
 from backsight.ocp.follow import Followed
 
 from ..recordings.recording import Recording
@@ -30,7 +31,7 @@ def undriven_rates(solution: Solution, pieces: Sequence[Recording]) -> dict[str,
     unknown = ca.vertcat(dae.dx, dae.z)
     parts = [ca.jacobian(dae.residual, unknown), dae.residual]
     given = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
-    function = ca.Function("undriven", given, [ca.densify(dae.undisturbed(e)) for e in parts])
+    function = Columnwise(ca.Function("undriven", given, [ca.densify(ca.vec(dae.undisturbed(e))) for e in parts]), (4,))
     followed = Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions)
     coloured = [i for i, q in enumerate(dae.states) if q.name.startswith("residual.")]
     found: dict[str, list[pd.DataFrame]] = {}
@@ -38,12 +39,9 @@ def undriven_rates(solution: Solution, pieces: Sequence[Recording]) -> dict[str,
         dx, x, z = (np.array(part) for part in followed.at(number, horizon.time))
         x[coloured] = 0.0  # residual forces too, with a memory
         n = len(horizon.time)
-        parameters = np.repeat(solution.parameters[:, None], n, axis=1)
-        J, F = (
-            np.asarray(v) for v in function.map(n)(dx, x, z, horizon.input_at(horizon.time), parameters, horizon.clock + horizon.time[None])
-        )
+        J, F = function(dx, x, z, horizon.input_at(horizon.time), solution.parameters, horizon.clock + horizon.time[None])
         size = len(F)
-        J = J.reshape(size, n, size).transpose(1, 0, 2)
+        J = J.reshape(size, size, n).transpose(2, 1, 0)
         usable = np.abs(np.linalg.det(J)) > 0
         rates = np.full((n, len(dx)), np.nan)
         rates[usable] = dx.T[usable] - np.linalg.solve(J[usable], F.T[usable, :, None])[:, : len(dx), 0]

@@ -22,8 +22,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ..called import Called
 from ..polynomials import Array
-from .called import Called
 from .stage import Stage
 
 STEPS, PRECISE = 20, 1e-9  # Newton steps in a stage or at an instant, and the relative size of the last one

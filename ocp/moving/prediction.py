@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..called import Called
 from ..polynomials import Array
-from .called import Called
 from .stage import Stage
 
 STEPS = 10  # Newton steps

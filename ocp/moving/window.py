@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from scipy.linalg import blas
 from scipy.optimize import lsq_linear
 
+from ..called import Called
 from ..polynomials import Array
-from .called import Called
 from .native import native
 from .prediction import Prediction
 from .roots import SINGULAR, joined, lengths, root

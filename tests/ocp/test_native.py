@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from examples import compiled, number, stiffening
 
+from backsight.ocp.called import Called
 from backsight.ocp.moving import native as module
-from backsight.ocp.moving.called import Called
 from backsight.ocp.moving.native import cache, native
 from backsight.ocp.moving.stage import Stage
 

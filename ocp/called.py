@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..polynomials import Array
+from .polynomials import Array
 
 
 class Called:
