@@ -1,7 +1,8 @@
 """In which regime an effect acts: where most of what its force does falls into little of the time.
 
 A regime holds an effect where at least MOST of the squares of its force, and no more than ROOM of the time, lie in it; of several the one
-in which the force is the most crowded. Friction that is the same wherever the body moves lies in none.
+in which the force is the most crowded, "mostly" so where it acts elsewhere too. Friction that is the same wherever the body moves lies
+in none.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
 
 MOST, ROOM = 0.75, 0.6  # of the squares, and of the time
+ALL = 0.95  # of the squares: what is elsewhere is nothing
 SLOW = 0.2  # of the rms velocity: what is slower turns round
 FAST = 0.75  # share of the time below the highest speeds
 RANGES = 4  # equal parts of the way that a position goes
@@ -38,7 +40,7 @@ def regime(solution: Solution, place: str, force: Array, counts: Mask) -> str:
     for words, there in _regimes(solution, place, weight):
         most, room = float(squares[there].sum() / squares.sum()), float(weight[there].sum() / weight.sum())
         if most >= MOST and 0 < room <= ROOM and most / room > crowded:
-            best, crowded = words, most / room
+            best, crowded = words if most >= ALL else f"mostly {words}", most / room
     return best
 
 

@@ -21,7 +21,7 @@ from backsight.models.mechanics import translational as sliding
 
 from .candidate import Candidate, Exchange, Rebuild
 from .laws import Motion
-from .places import RIGID, Spot, free_name, grounds, neighbours, own_name, sensors
+from .places import RIGID, Spot, free_name, grounds, neighbours, node, own_name, sensors
 
 IDEAL = (turning.Rack, turning.Gear, *RIGID)  # what passes a motion on as it is
 SOFT = (sliding.SpringDamper, sliding.Spring, turning.RotationalSpringDamper, turning.RotationalSpring)
@@ -65,17 +65,17 @@ class Soft:
         return edited
 
 
-def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, float]) -> list[Candidate]:
-    """Compliance and play of a rigid coupling. masses: body -> its mass or inertia [kg or kg.m2]."""
+def of_coupling(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], values: dict[str, float]) -> list[Candidate]:
+    """Compliance and play of a rigid coupling. masses: body -> its mass or inertia [kg or kg.m2]; values: of the model's parameters."""
     if not isinstance(model.components[spot.name], RIGID):
         return []
     slides = spot.kind == "translational"
     first, second = (f"{spot.name}.{f}" for f in spot.flanges)
     before = _sum(bodies_at(model, first, WORDS[spot.kind]), masses)
-    behind = _sum(bodies_behind(model, spot.name, second, WORDS[spot.kind]), masses)
+    behind = _borne(model, spot, second, masses, values)
     place = place_of(model, spot)
-    if before is None and place != spot.name:
-        before = behind  # a body drives it by way of ideal couplings; of what order its inertia is there is enough to start from
+    if before is None and place != spot.name:  # a body drives it by way of ideal couplings
+        before = _borne(model, spot, first, masses, values) or behind
     whole = before if behind is None else behind
     if whole is None:
         return []
@@ -125,10 +125,12 @@ class Behind:
         return replace(model, components=parts, connections=(*moved, (self.flange, first)))
 
 
-def of_ideal(model: Model, name: str, motion: Callable[[str], Motion | None], masses: dict[str, float]) -> list[Candidate]:
+def of_ideal(
+    model: Model, name: str, motion: Callable[[str], Motion | None], masses: dict[str, float], values: dict[str, float]
+) -> list[Candidate]:
     """Compliance and play behind a gear or a pulley between two bodies, where the model has no coupling.
 
-    motion: of a body, by its name.
+    motion: of a body, by its name; others as of a coupling.
     """
     component = model.components[name]
     (first, _), (second, behind_it) = ((f"{name}.{f}", c) for f, c in component.declared_connectors.items())
@@ -144,7 +146,7 @@ def of_ideal(model: Model, name: str, motion: Callable[[str], Motion | None], ma
     edit = Behind(flange=second, coupling=own, component=rigid)
     put = Rebuild(edit=edit, said=f"{own} = {type(rigid).__name__}() behind {name}")
     spot = Spot(name=own, kind=kind, flanges=tuple(rigid.declared_connectors))
-    return [replace(c, place=name, edits=(put, *c.edits)) for c in of_coupling(edit(model), spot, moved, masses)]
+    return [replace(c, place=name, edits=(put, *c.edits)) for c in of_coupling(edit(model), spot, moved, masses, values)]
 
 
 def of_soft(model: Model, spot: Spot, motion: Motion, masses: dict[str, float], values: dict[str, float]) -> list[Candidate]:
@@ -271,6 +273,41 @@ def _nearest(model: Model, element: str, end: str, wanted: set[str], passes: Cal
         seen |= here
         ends = {f"{n}.{port}" for n in here if passes(model.components[n]) for port in model.components[n].declared_connectors}
     return []
+
+
+def _borne(model: Model, spot: Spot, end: str, masses: dict[str, float], values: dict[str, float]) -> float | None:
+    """What the nearest bodies that a flange of a coupling moves come to there, by way of joints, gears and racks [kg or kg.m2]."""
+    seen, ends = {spot.name, *grounds(model)}, {end: (WORDS[spot.kind], 1.0)}
+    while ends:
+        whole, further = 0.0, dict[str, tuple[str, float]]()
+        there = {other: (*other.partition(".")[::2], *at) for e, at in ends.items() for other in node(model, e)}
+        for name, port, word, factor in there.values():
+            component = model.components[name]
+            if name in seen or isinstance(component, SOFT):
+                continue
+            if word in component.declared_parameters:
+                whole += factor * masses.get(name, 0.0)
+            for other in component.declared_connectors:
+                if other != port:
+                    further[f"{name}.{other}"] = _beyond(component, name, port, model, values, word, factor)
+        if whole:
+            return whole
+        seen |= {name for name, *_ in there.values()}
+        ends = further
+    return None
+
+
+def _beyond(
+    component: Component, name: str, port: str, model: Model, values: dict[str, float], word: str, factor: float
+) -> tuple[str, float]:
+    """What an inertia is called on the other side of a component, and what it counts for on this one, at a port."""
+    if isinstance(component, turning.Gear):
+        ratio = values.get(own_name(model, f"{name}.ratio"), component.parameters["ratio"])
+        return word, factor * (ratio**-2 if port == "flange_a" else ratio**2)
+    if isinstance(component, turning.Rack):
+        r = values.get(own_name(model, f"{name}.r"), component.parameters["r"])
+        return ("m", factor * r**2) if port == "wheel" else ("J", factor / r**2)
+    return word, factor
 
 
 def _sum(bodies: list[str], masses: dict[str, float]) -> float | None:

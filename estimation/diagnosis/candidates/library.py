@@ -59,11 +59,11 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
         motion = motions.of(spot)
         if motion is not None:
             found += [of_law(law, model, spot, motion) for law in BETWEEN if spot.name == between(law, model, spot)]
-            found += of_coupling(model, spot, motion, masses) + of_soft(model, spot, motion, masses, values)
+            found += of_coupling(model, spot, motion, masses, values) + of_soft(model, spot, motion, masses, values)
     spots = {spot.name: spot for spot in bodies(model)}
     for name, component in model.components.items():
         if isinstance(component, (Gear, Rack)):
-            found += of_ideal(model, name, lambda body: motions.of(spots[body]) if body in spots else None, masses)
+            found += of_ideal(model, name, lambda body: motions.of(spots[body]) if body in spots else None, masses, values)
     found += _kinematic(model, values) + _uneven(model, values) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))

@@ -38,7 +38,7 @@ def test_a_coupling_is_at_the_body_that_drives_it(plant, expected):
 def screws(physics: str) -> list:
     model = actuator()
     (screw,) = elements(model)
-    return [c for c in of_coupling(model, screw, MOTION, {"carriage": 95.0}) if c.physics == physics]
+    return [c for c in of_coupling(model, screw, MOTION, {"carriage": 95.0}, {}) if c.physics == physics]
 
 
 def test_a_screw_may_be_soft_or_loose_and_the_encoder_at_either_end():
@@ -68,7 +68,7 @@ def test_a_belt_behind_which_there_is_no_body_but_a_joint_is_tried_as_stiff_as_w
     masses = {"slide_1": 3.8, "slide_2": 3.8, "end_effector": 2.3}
     assert bodies_behind(model, "belt_1", "belt_1.flange_b", "m") == ["slide_1"]
     assert bodies_behind(model, "belt_3", "belt_3.flange_b", "m") == sorted(masses)
-    found = [c for c in of_coupling(model, spots["belt_3"], MOTION, masses) if c.physics == "compliance"]
+    found = [c for c in of_coupling(model, spots["belt_3"], MOTION, masses, {}) if c.physics == "compliance"]
     assert {c.place for c in found} == {"drive_3"}
     swings = sorted(swing(c.edited(model), {"spindle.k": 0.0}) for c in found)
     assert swings[0] < 30.0 < swings[-1]  # Hz: guesses lie about what such belts have
@@ -142,10 +142,10 @@ def test_play_that_is_kept_is_rounded_and_damped_by_what_was_found_of_it():
 def test_what_is_no_rigid_coupling_or_has_no_mass_behind_it_is_left_alone():
     model = actuator()
     (screw,) = elements(model)
-    assert of_coupling(model, screw, MOTION, {}) == []
+    assert of_coupling(model, screw, MOTION, {}, {}) == []
     soft = actuator(screw="compliant")
     (screw,) = elements(soft)
-    assert of_coupling(soft, screw, MOTION, {"carriage": 75.0, "motor_mass": 20.0}) == []
+    assert of_coupling(soft, screw, MOTION, {"carriage": 75.0, "motor_mass": 20.0}, {}) == []
 
 
 def test_a_cell_in_series_stays_where_it_is_and_a_coupling_that_never_turned_has_no_play():
@@ -165,7 +165,7 @@ def test_a_cell_in_series_stays_where_it_is_and_a_coupling_that_never_turned_has
     )  # fmt: skip
     (shaft,) = (spot for spot in elements(model) if spot.name == "shaft")
     masses = {"rotor": 0.1, "disc": 0.4}
-    found = of_coupling(model, shaft, MOTION, masses)
+    found = of_coupling(model, shaft, MOTION, masses, {})
     assert {c.physics for c in found} == {"compliance", "backlash"}
     ends = set()
     for c in found:
@@ -174,7 +174,7 @@ def test_a_cell_in_series_stays_where_it_is_and_a_coupling_that_never_turned_has
         assert {("rotor.flange", "cell.flange_a"), ("cell.flange_b", "shaft.flange_a")} <= set(edited.connections)
         ends |= {b for a, b in edited.connections if a == "encoder.flange"}
     assert ends == {"shaft.flange_a", "shaft.flange_b"}
-    still = of_coupling(model, shaft, replace(MOTION, low=0.0, high=0.0), masses)
+    still = of_coupling(model, shaft, replace(MOTION, low=0.0, high=0.0), masses, {})
     assert {c.physics for c in still} == {"compliance"}
 
 

@@ -93,12 +93,12 @@ def encoded(rows: list[tuple[float, float]], role: str) -> Recording:
 
 
 def test_a_gear_between_two_bodies_may_be_soft_or_loose_where_nothing_behind_it_is_yet():
-    found = of_ideal(machine(), "gear", lambda _: MOTION, MASSES)
+    found = of_ideal(machine(), "gear", lambda _: MOTION, MASSES, {})
     assert {(c.place, c.physics, c.family) for c in found} == {("gear", "compliance", "transmission"), ("gear", "backlash", "transmission")}
     for c in found:
         states = {q.name for q in compile_model(c.edited(machine())).states}
         assert len(states) == 4  # an angle and a speed more than the two of the rigid machine
-    rigid = of_ideal(found[0].edited(machine()), "gear", lambda _: MOTION, MASSES)
+    rigid = of_ideal(found[0].edited(machine()), "gear", lambda _: MOTION, MASSES, {})
     assert rigid == []  # there is one now
 
 
@@ -107,12 +107,12 @@ def test_the_gears_of_the_plants_have_couplings_behind_them_or_no_body_before_th
         model = make()
         for name, component in model.components.items():
             if isinstance(component, Gear):
-                assert of_ideal(model, name, lambda _: MOTION, dict.fromkeys(model.components, 1.0)) == []
+                assert of_ideal(model, name, lambda _: MOTION, dict.fromkeys(model.components, 1.0), {}) == []
 
 
 def soft_then_loose() -> tuple[Candidate, Candidate]:
     """Teeth that give way, found first, and play that takes their place."""
-    soft = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, MASSES) if c.physics == "compliance")
+    soft = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, MASSES, {}) if c.physics == "compliance")
     there = soft.edited(machine())
     (spot,) = (one for one in elements(there) if one.name == "gear_coupling")
     loose = of_soft(there, spot, MOTION, MASSES, {"gear_coupling.k": 60.0, "gear_coupling.d": 0.05})
@@ -185,13 +185,14 @@ def test_no_model_is_put_together_of_components_that_it_does_not_have():
 
 
 def test_a_soft_gear_resonates_where_its_guess_says():
-    """Between 8 and 30 Hz, with the motor's inertia seen from the arm."""
-    c = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, MASSES) if c.physics == "compliance")
+    """At 8 or 30 Hz, with the motor's inertia seen from the arm."""
+    c = next(c for c in of_ideal(machine(), "gear", lambda _: MOTION, MASSES, {"gear.ratio": RATIO}) if c.physics == "compliance")
     k = c.start["gear_coupling.k"][0]
     dae = compile_model(c.edited(machine()))
     x0 = {q.name: 0.0 for q in dae.states}
     found = np.abs(np.linalg.eigvals(linearise(dae, x0, {"tau": 0.0}).A).imag).max()
     assert found == pytest.approx(np.sqrt(k * (1 / (J_MOTOR * RATIO**2) + 1 / 5e-3)), rel=0.01)
+    assert found == pytest.approx(2 * np.pi * 8.0, rel=0.01)
 
 
 @pytest.mark.slow
