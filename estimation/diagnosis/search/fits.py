@@ -73,7 +73,7 @@ class Fits:
             return []
         values = _found(base.result)
         begun_at = base.problem if anew else settled(base.problem, base.result)
-        blob = pickle.dumps((begun_at, base.model, base.result.solution))
+        blob = pickle.dumps((begun_at, base.model, base.result, base.result.solution))
         starts = [begun(c, s, values) for c, s in wanted]
         before = repr((sorted(values.items()), list(base.changes), base.settings.weigh, anew))
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]

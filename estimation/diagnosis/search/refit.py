@@ -43,6 +43,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 FAILURES = (InputError, SolveError, ArithmeticError, np.linalg.LinAlgError)  # of a smoothing whose model may be wrong
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
+PLAINLY = 100.0  # nats: a coupling that gains so much where it has not come to rest has not been fitted for nothing
 ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it, at most
 HOLDING = ("coulomb_friction", "stribeck_friction")
 PATIENT = Options(
@@ -191,17 +192,21 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
 def fitted(
     problem: Problem,
     model: Model,
-    begin: Solution,
+    base: Smoothing,
     candidate: Candidate,
     start: Mapping[str, float],
     settings: Settings = QUICKLY,
     *,
     anew: bool = False,
 ) -> Fitted:
-    """The candidate's problem smoothed, its parameters from `start`; begin: the base model's solution.
+    """The candidate's problem smoothed, its parameters from `start`; base: the base model's smoothing, with its solution.
 
     anew: not from there, but from the problem's own guesses, as any study is; at the weights of that solution, where weights are held.
+    A coupling whose contacts keep it from coming to rest goes on once more where it gains plainly; then what it gains there counts.
     """
+    begin = base.solution
+    if begin is None:
+        raise ValueError("a fit begins where a smoothing with its solution came to rest")
     try:
         now, edited = posed(problem, model, candidate, start)
         there, stood = None if anew else Begun.of(begin, now), held_there(problem, now)
@@ -225,9 +230,12 @@ def fitted(
             again = smoothing(settled(weighed, result), settings=wider, begin=there)
             again = _gone_on(weighed, again, wider, 1)
             result = again if again.solver.converged else result
+        plain = candidate.dear and not result.solver.converged and _plainly_better(now, result, problem, base, settings)
+        if plain:
+            result = _gone_on(weighed, result, settings, 1)
     except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
-    worth = worth_of(now, result, weighed=settings.weigh, ended=True)
+    worth = worth_of(now, result, weighed=settings.weigh, ended=not plain)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
 
 
@@ -238,6 +246,12 @@ def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int
             break
         result = smoothing(settled(problem, result), settings=settings, begin=result.solution)
     return result
+
+
+def _plainly_better(now: Problem, result: Smoothing, problem: Problem, base: Smoothing, settings: Settings) -> bool:
+    """Whether a model is more probable than the one that it holds, though it may be better still: a lower bound, but for its curvature."""
+    worth, before = worth_of(now, result, weighed=settings.weigh), worth_of(problem, base, weighed=settings.weigh)
+    return worth.over(before) > PLAINLY
 
 
 def _other_widths(problem: Problem, result: Smoothing) -> dict[str, float]:
@@ -260,12 +274,12 @@ def _fineness(problem: Problem, solution: Solution) -> float:
 def fitted_there(
     blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, anew: bool, end: float, share: float = 1.0
 ) -> Fitted:
-    """`fitted` in a worker, of the pickled (problem, model, solution), in a share of the time until `end` on the clock of `time.time`."""
-    problem, model, solution = _shared(blob)
+    """`fitted` in a worker, of the pickled (problem, model, smoothing, solution), in a share of the time until `end` (`time.time`)."""
+    problem, model, base, solution = _shared(blob)
     left = min(settings.seconds, share * (end - time.time()))
     if left <= 0:
         return Fitted(candidate=candidate, failed="no time was left", late=True)
-    return fitted(problem, model, solution, candidate, start, replace(settings, seconds=left), anew=anew)
+    return fitted(problem, model, replace(base, solution=solution), candidate, start, replace(settings, seconds=left), anew=anew)
 
 
 @lru_cache(maxsize=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,6 +35,7 @@ AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at m
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
 OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
+LATE = {"tau", "delay"}  # what a lag and a delay have
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 
@@ -120,6 +122,7 @@ class Search:
                 more |= self._weighed()
             if more:
                 self._eliminate()
+                self._late_by_both()
                 self._held_again()
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
@@ -201,16 +204,37 @@ class Search:
             self.standing = found.gaining(self.standing.findings[k].gain)
         return len(self.standing.accepted) < before
 
-    def without(self, k: int, least: float = 0.0) -> Standing | None:
+    def _late_by_both(self) -> None:
+        """A delay stays alone where it does as well as it does beside a lag of the same signal that was found first; or a lag, likewise.
+
+        As late as both are: no small steps lead there from where each makes good what the other one is not.
+        """
+        *before, new = self.standing.accepted or (None,)
+        pair = next((k for k, old in enumerate(before) if new and old.place == new.place and {*old.named, *new.named} == LATE), None)
+        if new is None or pair is None or self.fits.left == 0:
+            return
+        *other, path = (path for c in (before[pair], new) for path in c.named.values())
+        free = self.problem.parameters[path]
+        if not isinstance(free, Free):
+            return
+        whole = sum(self.result.parameters[name].value for name in (*other, path))
+        self.fits.say(f"{new.title} alone")
+        found = self.without(pair, begin={path: replace(free, guess=min(whole, free.max))})
+        if found is not None and self._worth(found.problem, found.result).over(self.now) > -CLEAR:
+            self.standing = found.gaining(self.standing.findings[pair].gain)
+
+    def without(self, k: int, least: float = 0.0, begin: Mapping[str, Free] | None = None) -> Standing | None:
         """Without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
 
-        least: time that the fit has when the search's is over [s].
+        least: time that the fit has when the search's is over [s]. begin: parameters that begin elsewhere than where they are.
         """
         posed = self.standing.having(self.standing.others(k), self.bare)
         if posed is None:
             return None
         problem, c = settled(posed[0], self.result), self.standing.accepted[k]
-        found = self.fits.again(self._base, problem, f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}", least=least)
+        problem = replace(problem, parameters={**problem.parameters, **(begin or {})})
+        what = f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}"
+        found = self.fits.again(self._base, problem, f"{what}, {begin}" if begin else what, least=least)
         return None if found is None else self.standing.taking_out(k, self.standing.at(problem, found, posed[1]))
 
     def _again(self, problem: Problem, what: str) -> Smoothing | None:

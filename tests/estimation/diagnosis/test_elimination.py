@@ -6,12 +6,15 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from math import inf, nan
 
+import numpy as np
 import pytest
 from concealed_axis import posed, run
+from scipy.signal import lfilter
 
 from backsight.estimation import Free, Weights, smooth
 from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.channels import of_sensor
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.candidates.places import bodies
 from backsight.estimation.diagnosis.search.elimination import Bare
@@ -71,6 +74,48 @@ def test_what_is_something_beside_it_stays():
     search._eliminate()
     assert [f.explanation.physics for f in search.standing.findings] == ["cubic_spring", "coulomb_friction"]
     assert "cubic_spring_carriage" in search.standing.model.components
+
+
+def read_late(lag: float, delay: int) -> Search:
+    """A search that has found a lag of a sensor and a delay then; in truth it lags by so much [s], and so many samples.
+
+    Where it does not lag the search stands at a lag of 1.5 ms all the same.
+    """
+    made = run(1.0)
+    x = made.outputs["x"]
+    if lag:
+        kept = np.exp(-1e-3 / lag)
+        x = lfilter([0.0, 1.0 - kept], [1.0, -kept], x, zi=[x[0]])[0]
+    late = {"x": np.concatenate([np.full(delay, x[0]), x[: len(x) - delay]])}
+    bare = posed(replace(made, outputs=late), W={"carriage": 0.02})
+    lags, delays = (
+        next(c for c in of_sensor(actuator(), "x", [], 1e-3, 1.0, scaled=False, span=None) if c.physics == f"sensor_{word}")
+        for word in ("lag", "delay")
+    )
+    problem, model = having(bare, bare.model, lags, {})
+    problem, model = having(problem, model, delays, {"sensor_delay_x.delay": 1.5e-3})
+    held = problem if lag else replace(problem, parameters={**problem.parameters, "sensor_lag_x.tau": 1.5e-3})
+    result = smooth(held, settings=QUICKLY)
+    fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
+    search = Search(standing=Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY)), fits=fits)
+    both = found(lags, 900.0), found(delays, 90.0)
+    search.standing = Standing(problem=settled(held, result), model=model, result=result, findings=both, accepted=(lags, delays))
+    return search
+
+
+def test_a_delay_that_was_half_a_lag_is_all_of_it():
+    search = read_late(lag=0.0, delay=3)
+    search._late_by_both()
+    assert [f.explanation.physics for f in search.standing.findings] == ["sensor_delay"]
+    assert "sensor_lag_x" not in search.standing.model.components
+    delay = search.result.parameters["sensor_delay_x.delay"]
+    assert abs(delay.value - 3e-3) < 4 * delay.std < 1e-4
+
+
+def test_a_lag_beside_which_there_is_a_delay_stays():
+    search = read_late(lag=4e-3, delay=3)
+    search._late_by_both()
+    assert [f.explanation.physics for f in search.standing.findings] == ["sensor_lag", "sensor_delay"]
 
 
 @pytest.mark.parametrize(("gain", "stays"), [(13.0, False), (500.0, True)])

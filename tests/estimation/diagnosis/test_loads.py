@@ -109,7 +109,7 @@ def test_it_is_the_best_friction_there_and_its_coefficient_comes_back(loaded):
     assert first.candidate.physics == "load_dependent_friction"
     assert first.estimate == pytest.approx([MU], rel=0.2)
     start = begun(first.candidate, first, {p.name: p.value for p in result.parameters.values()})
-    fit = fitted(settled(problem, result), problem.model, result.solution, first.candidate, start)
+    fit = fitted(settled(problem, result), problem.model, result, first.candidate, start)
     mu = fit.result.parameters[first.candidate.strengths[0]]
     assert abs(mu.value - MU) < 4 * mu.std
     assert mu.std < 0.02 * MU
