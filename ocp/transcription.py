@@ -61,14 +61,24 @@ class Transcription:
         """Name of the term that weighs the residual forces."""
         return "balances" if self.method == "spline" else "residual forces"
 
+    @property
+    def balance_rows(self) -> list[int]:
+        """Rows of the residual in which the forces of the soft places stand."""
+        return self.dae.balances_of(self.soft)
+
+    @property
+    def exact_rows(self) -> list[int]:
+        """Rows of the residual that a spline's constraints are of, in their order."""
+        return spline.rows(self.dae, self.soft)[1]
+
     def mean_forces(self, rows: Mapping[str, Array]) -> Array:
         """Of every soft place what moments add to its mean force in every interval, (n_soft, N); rows: of a spline's terms, by their names.
 
         The forces at a coloured place stand among the constraints.
         """
-        soft, hard = spline.rows(self.dae, self.soft)
-        at = {row: ("balances", i) for i, row in enumerate(soft)} | {row: ("equations", i) for i, row in enumerate(hard)}
-        places = [at[row] for row in self.dae.balances_of(self.soft)]
+        soft, _ = spline.rows(self.dae, self.soft)
+        at = {row: ("balances", i) for i, row in enumerate(soft)} | {row: ("equations", i) for i, row in enumerate(self.exact_rows)}
+        places = [at[row] for row in self.balance_rows]
         return np.array([rows[name][i] for name, i in places]).reshape(len(self.soft), len(self.nlp.steps))
 
     def force_std_at(self, values: Values) -> Array:

@@ -20,6 +20,7 @@ from ...smoothing.rest import near_rest
 from ..answer.regimes import Mask, regime
 from ..answer.verdict import EVERYWHERE, Key, Undetectable
 from ..evidence.misfit import NEARER, OFF, off
+from .acting import Acting
 from .score import Linearised
 from .screen import SURE, Screen, Screened
 from .supermodel import Look
@@ -83,6 +84,10 @@ class Sizes:
         steps = self.solution.transcription.nlp.steps
         return float(np.sqrt(np.average(force[use] ** 2, weights=steps[use]))) / self.varying[name]
 
+    @cached_property
+    def _act(self) -> Acting:
+        return Acting.of(self.solution)
+
     def _acting(self, look: Look, estimate: Array) -> list[tuple[str, Array, Mask]]:
         """Place, force of a candidate there in the mean of every interval (N,), and which of these count: those away from rest, (N,)."""
         t, values = self.solution.transcription, self.solution.values
@@ -94,7 +99,7 @@ class Sizes:
                 first += term.target.size
         moving = ~near_rest(t.force_std_at(values))
         counts = [there if there.any() else np.ones_like(there) for there in moving]
-        return list(zip(self.names, t.mean_forces(rows), counts, strict=True))
+        return list(zip(self.names, self._act.mean(rows), counts, strict=True))
 
 
 def leaves_more(problem: Problem, result: Smoothing, before: Sizes) -> bool:

@@ -24,7 +24,7 @@ from backsight.ocp import Horizon, Solution
 from ...problem import Problem
 from ...smoothing.along import along
 from ...smoothing.begun import followed_by
-from ..candidates.candidate import Candidate, Signal
+from ..candidates.candidate import Candidate, Insert, Signal
 from ..evidence.offsets import with_those_of
 from .enlarged import Enlarged
 from .score import Columns, Linearised
@@ -125,8 +125,11 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
         return [c for part in parts for c in (part if compiled(part) is not None else by_halves(part))]
 
     dae, usable = compiled(candidates), candidates
+    if dae is None:  # what only comes in leaves the rest of a model as it is
+        usable = [c for c in candidates if all(isinstance(edit, Insert) for edit in c.edits) or compiled([c]) is not None]
+        dae = compiled(usable)
     if dae is None:
-        usable = by_halves(candidates)
+        usable = by_halves(usable)
         dae = compiled(usable)
     return (dae, usable) if dae is not None else (t.dae, [])
 
