@@ -35,11 +35,12 @@ CLASSES: dict[str, Class] = {"parameter": "parameter", "sensor": "sensor", "actu
 
 
 def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Explanation:
-    """A candidate with the numbers that it has in a result. gap: nats that it lacks against the one chosen."""
+    """A candidate with the numbers that it has in a result; how sure they are where it came to rest. gap: nats short of the one chosen."""
     strengths = dict[str, Strength]()
     if result is not None:
         for word, p in _numbers(c, result).items():
-            strengths[word] = Strength(value=p.value, std=p.std, unit=c.said(p.unit, result.units))
+            sure = p.std if result.solver.converged else None
+            strengths[word] = Strength(value=p.value, std=sure, unit=c.said(p.unit, result.units))
     return Explanation(place=c.place, family=c.family, physics=c.physics, subject=c.subject, given=c.stated, gap=gap, parameters=strengths)
 
 

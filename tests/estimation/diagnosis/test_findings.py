@@ -100,7 +100,7 @@ def test_two_parameters_of_one_component_may_be_wrong_and_each_is_named(lacks, t
     def judged(path: str, gain: float) -> tuple:
         value = ParameterEstimate(name=path, value=2.0, std=0.01, unit="1", fixed=False)
         c = Candidate(place="gear", family="parameter", physics="wrong_parameter", strengths=(path,), start={path: (1.0, 0.1, 9.0)})
-        result = SimpleNamespace(parameters={path: value}, units={})
+        result = SimpleNamespace(parameters={path: value}, units={}, solver=SimpleNamespace(converged=True))
         return replace(c, named={path: path}), None, Fitted(candidate=c, result=result, gain=gain)
 
     best, other = judged("gear.ratio", 100.0), judged("gear.J", 100.0 - lacks)
@@ -128,7 +128,7 @@ def test_a_fit_that_did_not_come_to_rest_says_nothing_against_what_explains_as_m
     wanted = [c for c in library(problem, problem.model, base.solution) if c.physics in physics and c.strengths != ("carriage.m",)]
     found = screen(base, looked_at(problem, problem.model, base, wanted))
     damping, gain = (next(s for s in found.found if s.candidate.physics == word) for word in physics)
-    fit = fitted(problem, problem.model, base.solution, damping.candidate, {"friction.d": 200.0})
+    fit = fitted(problem, problem.model, result, damping.candidate, {"friction.d": 200.0})
     best = damping.candidate, damping, replace(fit, gain=fitted_more * damping.gain)
     lost = (
         gain.candidate,

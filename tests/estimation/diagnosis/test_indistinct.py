@@ -28,7 +28,7 @@ def judged(mass: Free | float) -> dict[str, Judged]:
     found = {}
     for s in screen(there, looked_at(problem, problem.model, there, wanted)).found:
         start = {s.candidate.strengths[0]: STARTS[s.candidate.physics]}
-        fit = fitted(problem, problem.model, base.solution, s.candidate, start)
+        fit = fitted(problem, problem.model, base, s.candidate, start)
         found[s.candidate.physics] = s.candidate, s, replace(fit, gain=100.0)
     return found
 

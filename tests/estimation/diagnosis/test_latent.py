@@ -84,7 +84,7 @@ def test_a_model_that_comes_to_rest_only_with_it_has_its_numbers(tmp_path):
     assert there.parameters == pytest.approx(found.result.solution.parameters)
 
     torque = Candidate(place="motor", family="external", physics="constant_force", start={"motor.J": (MOTOR, 0.0, np.inf)})
-    instead_of_it = fitted(settled(found.problem, found.result), problem.model, found.result.solution, torque, {}, HELD)
+    instead_of_it = fitted(settled(found.problem, found.result), problem.model, found.result, torque, {}, HELD)
     assert not isinstance(instead_of_it.problem.weights, Latent)
     assert "residual.motor" not in {q.name for q in instead_of_it.problem.posed.dae.states}
 

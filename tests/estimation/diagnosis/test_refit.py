@@ -107,7 +107,7 @@ def test_a_start_without_a_score_is_the_guess_and_a_signal_brings_its_own():
 def test_a_fit_finds_what_was_concealed(lacking, name):
     problem, result = lacking
     c = law(name)
-    found = fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}))
+    found = fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}))
     assert not found.failed
     f_c = found.result.parameters[f"{name}_carriage.f_c"]
     assert f_c.value == pytest.approx(20.0, abs=max(3.5 * f_c.std, 0.6))
@@ -127,7 +127,7 @@ def test_a_fit_from_the_guesses_goes_on_where_its_limit_of_iterations_left_it(la
 
     monkeypatch.setattr(refit, "smoothing", spied)
     short = replace(HELD, options=Options(tolerance=1e-6, gauss_newton_iterations=2, max_iterations=2))
-    fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}), short, anew=True)
+    fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}), short, anew=True)
     (none, first), (left, second) = begins
     assert none is None
     assert not first.solver.converged
@@ -138,7 +138,7 @@ def test_a_fit_from_the_guesses_goes_on_where_its_limit_of_iterations_left_it(la
 def test_a_fit_with_the_widths_that_it_asked_for_counts_only_where_it_comes_to_rest(lacking, monkeypatch):
     problem, result = lacking
     c, widths = law("coulomb_friction"), {"coulomb_friction_carriage.width": 1e-3}
-    fit = partial(fitted, settled(problem, result), problem.model, result.solution, c, begun(c, None, {}))
+    fit = partial(fitted, settled(problem, result), problem.model, result, c, begun(c, None, {}))
     plain = fit()
     assert plain.result.solver.converged
     monkeypatch.setattr(refit, "_other_widths", lambda *_: widths)
@@ -161,9 +161,29 @@ def test_a_coupling_is_fitted_on_a_mesh_as_fine_as_the_models_own(lacking):
     candidates = library(problem, problem.model, result.solution)
     c = max((c for c in candidates if c.physics == "compliance"), key=lambda c: c.start["screw.k"][0])
     (had,) = result.solution.transcription.horizons
-    found = fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}), QUICKLY)
+    found = fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}), QUICKLY)
     (horizon,) = found.worth.solution.transcription.horizons
     assert horizon.mesh.count < 1.2 * had.mesh.count < 0.8 * len(had.time)
+
+
+@pytest.mark.parametrize(("dear", "strength", "counts"), [(True, 20.0, True), (False, 20.0, False), (True, 1.0, False)])
+def test_what_has_no_score_counts_where_it_gains_plainly_though_it_did_not_come_to_rest(dear, strength, counts, monkeypatch):
+    """As contacts that are stiffer than a mesh can follow never do; friction stands in for them here, and its solver is stopped."""
+    problem = posed(run(1.0, 2e-3, f_c=strength), W={"carriage": 0.5})
+    result, solved = smooth(problem), list[Smoothing]()
+    stopped = replace(QUICKLY, options=replace(QUICKLY.options, gauss_newton_iterations=1, max_iterations=1, tolerance=1e-12))
+
+    def spied(posed: Problem, **how: object) -> Smoothing:
+        solved.append(smoothing(posed, **how))
+        return solved[-1]
+
+    monkeypatch.setattr(refit, "smoothing", spied)
+    c = replace(law("coulomb_friction"), dear=dear)
+    found = fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}), stopped)
+    assert not found.result.solver.converged
+    assert np.isfinite(found.worth.nats) is np.bool_(counts)
+    assert len(solved) == 1 + counts
+    assert not counts or found.worth.nats > evidence(problem, result) + 100.0
 
 
 def test_play_that_a_rigid_machine_cannot_have_is_given_up_at_the_first_solve():
@@ -173,11 +193,11 @@ def test_play_that_a_rigid_machine_cannot_have_is_given_up_at_the_first_solve():
     c = next(c for c in library(problem, problem.model, result.solution) if c.physics == "backlash")
 
     def fit(gap: float) -> Fitted:
-        return fitted(settled(problem, result), problem.model, result.solution, c, begun(c, None, {}) | {"screw.gap": gap})
+        return fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}) | {"screw.gap": gap})
 
-    wide, narrow = [fit(gap) for gap in (5e-4, 1e-3, 2e-3, 4e-3)], fit(4e-5)
+    wide, narrow = [fit(gap) for gap in np.geomspace(5e-4, 8e-3, 9)], fit(4e-5)
     given_up = [f for f in wide if f.failed.startswith("Given up: at the weights that it began with")]
-    assert len(given_up) >= 3
+    assert len(given_up) >= 5
     assert all(f.result is None for f in given_up)
     assert not any(np.isfinite(f.worth.nats) for f in wide)
     assert not narrow.failed.startswith("Given up: at the weights that it began with")
@@ -188,7 +208,7 @@ def test_what_is_not_there_explains_next_to_nothing(lacking):
     problem, _ = lacking
     known = replace(problem, parameters={**problem.parameters, "friction.f_c": Free(20.0, min=0.0)})
     full, c = smooth(known), law("cubic_spring")
-    more = fitted(known, problem.model, full.solution, c, begun(c, None, {}))
+    more = fitted(known, problem.model, full, c, begun(c, None, {}))
     assert abs(more.result.criteria.log_likelihood - full.criteria.log_likelihood) < 3
     k3 = more.result.parameters["cubic_spring_carriage.k3"]
     assert abs(k3.value) < 3 * k3.std
@@ -199,7 +219,7 @@ def test_two_names_of_one_effect_have_one_evidence_in_whatever_units():
     problem = posed(run(1.0, 2e-3, f_0=1.0))
     base = smooth(problem)
     drift = next(c for c in of_sensor(problem.model, "x", [], 2e-3, 1.0) if c.physics == "sensor_drift")
-    force, moved = (fitted(problem, problem.model, base.solution, c, begun(c, None, {})) for c in (law("constant_force"), drift))
+    force, moved = (fitted(problem, problem.model, base, c, begun(c, None, {})) for c in (law("constant_force"), drift))
     assert force.result.criteria.log_likelihood == pytest.approx(moved.result.criteria.log_likelihood, abs=0.05)
     assert force.worth.nats == pytest.approx(moved.worth.nats, abs=0.1)
     assert force.worth.nats > evidence(problem, base) + 50
@@ -212,7 +232,7 @@ def test_a_sensors_gain_makes_another_motion_over_which_friction_is_rounded_as_f
     gain = next(c for c in of_sensor(problem.model, "x", [], 2e-3, 1.0) if c.physics == "sensor_gain")
     damping = next(c for c in library(problem, problem.model, base.solution) if c.physics == "wrong_parameter" and c.place == "friction")
     starts = ((gain, 0.8), (damping, 205.0))
-    read, damped = (fitted(problem, problem.model, base.solution, c, {c.strengths[0]: start}) for c, start in starts)
+    read, damped = (fitted(problem, problem.model, base, c, {c.strengths[0]: start}) for c, start in starts)
     assert read.result.value(gain.strengths[0]) == pytest.approx(0.85, abs=2e-3)
     assert read.result.value("friction.width") == pytest.approx(damped.result.value("friction.width") / 0.85, rel=0.02)
     assert damped.result.value("friction.width") == pytest.approx(base.value("friction.width"), rel=0.02)
@@ -224,7 +244,7 @@ def test_what_is_not_there_has_evidence_against_it_in_whatever_units():
     base = smooth(problem)
     for name in ("cubic_spring", "spring", "constant_force"):
         c = law(name)
-        assert fitted(problem, problem.model, base.solution, c, begun(c, None, {})).worth.nats < evidence(problem, base)
+        assert fitted(problem, problem.model, base, c, begun(c, None, {})).worth.nats < evidence(problem, base)
 
 
 def test_friction_that_hardly_stands_out_of_the_forces_is_borne_out():
@@ -257,7 +277,7 @@ def test_what_was_known_beforehand_stays_and_counts_once():
     assert settled(problem, result).parameters["carriage.m"] == known
     assert Begun.at(result.solution).start(problem)[problem.free[0]] == result.parameters["carriage.m"].value
     start = begun(c, None, {})
-    found = fitted(settled(problem, result), problem.model, result.solution, c, start)
+    found = fitted(settled(problem, result), problem.model, result, c, start)
     anew = smooth(refit.posed(problem, problem.model, c, start)[0])
     mine, other = found.result.parameters["carriage.m"], anew.parameters["carriage.m"]
     assert mine.value == pytest.approx(other.value, abs=0.5 * other.std)  # rooms at rest differ
@@ -265,9 +285,10 @@ def test_what_was_known_beforehand_stays_and_counts_once():
 
 def test_a_fit_that_cannot_be_posed_says_why():
     problem = posed(run(0.1))
+    base = smooth(problem)
     friction = law("coulomb_friction")
     c = replace(friction, edits=(replace(friction.edits[0], place="cariage.flange"),))
-    found = fitted(problem, problem.model, None, c, {})
+    found = fitted(problem, problem.model, base, c, {})
     assert "no component 'cariage'" in found.failed
     assert found.worth.nats == -np.inf
     assert found.whole is None
