@@ -208,4 +208,5 @@ def verdict(findings: Sequence[Finding]) -> Class:
 def _change(c: Candidate, result: Smoothing | None) -> str:
     told = {} if result is None else _numbers(c, result)
     said = [*(edit.words for edit in c.edits), *(f"{p.name} = {p.value:.6g}" for p in told.values())]
-    return "; ".join([*said, *(f"{name} = 0" for name in c.absorbs if not name.startswith(PREFIX))])
+    there = c.absorbs if result is None else result.parameters
+    return "; ".join([*said, *(f"{name} = 0" for name in c.absorbs if name in there and not name.startswith(PREFIX))])

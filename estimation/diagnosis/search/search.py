@@ -151,14 +151,16 @@ class Search:
     def _on_a_checked_mesh(self) -> None:
         """The model with what was found on a mesh that no longer moves its numbers: candidates are compared on that which it began with.
 
-        Nothing where it is on such a mesh already.
+        Nothing where it is on such a mesh already. Components of what a richer law has taken over wholly are not in it.
         """
         if self.standing.findings and self.fits.left > 0 and self.result is not self._checked:
             self.fits.say("the mesh, with what was found")
             base = replace(self._base, settings=replace(self.settings, check_mesh=True))
             holds = "".join(f", {r.name} {r.hold}" for r in self.problem.recordings)
-            self._checked = self.fits.again(base, settled(self.problem, self.result), f"on a checked mesh{holds}")
-            self.standing = replace(self.standing, result=self._checked or self.result)
+            problem, model = self.standing.tidied(self.bare)
+            self._checked = self.fits.again(base, settled(problem, self.result), f"on a checked mesh{holds}")
+            if self._checked is not None:
+                self.standing = self.standing.at(problem, self._checked, model)
 
     def _finer(self) -> None:
         """The same at once, and for all that comes: what a lag makes of a mesh that is too coarse for it, further effects would explain."""

@@ -85,6 +85,12 @@ class Standing:
             return None
         return posed
 
+    def tidied(self, bare: Bare) -> tuple[Problem, Model]:
+        """Its problem and model, without the components of what was accepted once and has been taken over wholly."""
+        posed = self.having(self.accepted, bare) if len(self.accepted) == len(self.findings) else None
+        fewer = posed is not None and posed[1].components.keys() < self.model.components.keys()
+        return posed if posed is not None and fewer else (self.problem, self.model)
+
     def others(self, k: int) -> tuple[Candidate, ...]:
         """What was accepted but for the k-th."""
         return (*self.accepted[:k], *self.accepted[k + 1 :])

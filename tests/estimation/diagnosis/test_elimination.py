@@ -17,6 +17,8 @@ from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.channels import of_sensor
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.candidates.places import bodies
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.shares import Sizes
 from backsight.estimation.diagnosis.search.elimination import Bare
 from backsight.estimation.diagnosis.search.fits import Fits
 from backsight.estimation.diagnosis.search.keep import Keep
@@ -74,6 +76,27 @@ def test_what_is_something_beside_it_stays():
     search._eliminate()
     assert [f.explanation.physics for f in search.standing.findings] == ["cubic_spring", "coulomb_friction"]
     assert "cubic_spring_carriage" in search.standing.model.components
+
+
+def test_what_a_richer_law_has_taken_over_is_not_in_the_model_in_the_end():
+    bare = posed(run(1.0, 2e-3, f_c=20.0), W={"carriage": 0.05})
+    first = law("coulomb_friction")
+    problem, model = having(bare, bare.model, first, {})
+    (spot,) = bodies(model)
+    richer = of_law(next(one for one in AGAINST_GROUND if one.physics == "stribeck_friction"), model, spot, MOTION)
+    assert "coulomb_friction_carriage.f_c" in richer.absorbs
+    problem, model = having(problem, model, richer, {})
+    result = smooth(problem, settings=QUICKLY)
+    fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
+    search = Search(standing=Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY)), fits=fits)
+    search.standing = Standing(problem=problem, model=model, result=result, findings=(found(richer, 90.0),), accepted=(richer,))
+    search._sizes = Sizes(problem, result, Linearised(result.solution))
+    search._on_a_checked_mesh()
+    search.renew()
+    assert "coulomb_friction_carriage" not in search.standing.model.components
+    assert not any("coulomb" in name for name in search.result.parameters)
+    assert "coulomb" not in search.standing.findings[0].change
+    assert search.result.solver.converged
 
 
 def read_late(lag: float, delay: int) -> Search:
