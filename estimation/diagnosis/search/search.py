@@ -24,6 +24,7 @@ from .elimination import Bare
 from .findings import verdict
 from .fits import Base, Fits
 from .left_over import LeftOver
+from .one_level import OneLevel
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
 from .refusals import loose
 from .round import Best, Round
@@ -123,6 +124,7 @@ class Search:
             if more:
                 self._eliminate()
                 self._late_by_both()
+                self._of_one_level()
                 self._held_again()
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
@@ -224,6 +226,17 @@ class Search:
         found = self.without(pair, begin={path: replace(free, guess=min(whole, free.max))})
         if found is not None and self._worth(found.problem, found.result).over(self.now) > -CLEAR:
             self.standing = found.gaining(self.standing.findings[pair].gain)
+
+    def _of_one_level(self) -> None:
+        """Friction of one level where that is as good, beside a constant force that was found after friction of two."""
+        posed = OneLevel.of(self.standing, self.bare, self.first) if self.fits.left > 0 else None
+        if posed is None:
+            return
+        what = f"{posed.candidate.title} instead of {self.standing.accepted[posed.number].title}"
+        self.fits.say(what)
+        found = self._again(posed.problem, what)
+        if found is not None and self._worth(posed.problem, found).over(self.now) > -CLEAR:
+            self.standing = posed.instead(self.standing, found, self._sizes)
 
     def without(self, k: int, least: float = 0.0, begin: Mapping[str, Free] | None = None) -> Standing | None:
         """Without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.

@@ -16,6 +16,7 @@ from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.channels import of_sensor
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
+from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.candidates.places import bodies
 from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.estimation.diagnosis.scores.shares import Sizes
@@ -97,6 +98,31 @@ def test_what_a_richer_law_has_taken_over_is_not_in_the_model_in_the_end():
     assert not any("coulomb" in name for name in search.result.parameters)
     assert "coulomb" not in search.standing.findings[0].change
     assert search.result.solver.converged
+
+
+def test_friction_of_two_levels_is_of_one_beside_a_constant_that_was_found_later():
+    """20 N both ways and 8 N always, of which 3 N were found."""
+    made = run(1.0, 2e-3, force=lambda _, __, ___: -8.0, f_c=20.0)
+    bare = posed(made, W={"carriage": 0.05})
+    first = smooth(bare, settings=QUICKLY)
+    there = library(bare, bare.model, first.solution)
+    levels = next(c for c in there if {"f_plus", "f_minus"} <= c.named.keys() and "d_plus" not in c.named)
+    constant = next(c for c in there if c.physics == "constant_force")
+    problem, model = having(bare, bare.model, levels, {})
+    problem, model = having(problem, model, constant, {constant.strengths[0]: 3.0})
+    held = replace(problem, parameters={**problem.parameters, constant.strengths[0]: 3.0})
+    result = smooth(held, settings=QUICKLY)
+    fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
+    search = Search(standing=Standing(problem=bare, model=bare.model, result=first), fits=fits)
+    both = found(levels, 900.0), found(constant, 90.0)
+    search.standing = Standing(problem=settled(held, result), model=model, result=result, findings=both, accepted=(levels, constant))
+    search._sizes = Sizes(held, result, Linearised(result.solution))
+    search._of_one_level()
+    assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction", "constant_force"]
+    level, force = search.result.parameters["coulomb_friction_carriage.f_c"], search.result.parameters[constant.strengths[0]]
+    assert abs(level.value - 20.0) < 4 * level.std < 2.0
+    assert abs(force.value - 8.0) < 4 * force.std < 2.0
+    assert "coulomb" in search.standing.findings[0].change
 
 
 def read_late(lag: float, delay: int) -> Search:
