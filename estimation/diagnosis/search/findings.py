@@ -21,7 +21,7 @@ from ..scores.score import Linearised
 from ..scores.screen import SURE, Screen, Screened
 from ..scores.separation import measurable, separating
 from ..scores.shares import Sizes
-from .choice import RIVAL, SAME, beyond, evened, sound
+from .choice import LATE, RIVAL, SAME, beyond, evened, sound
 from .described import described
 from .refit import Fitted
 
@@ -96,12 +96,13 @@ def _chance(found: Screen, s: Screened, f: Fitted) -> float:
 def _left_open(best: Judged, other: Judged) -> bool:
     """Whether nothing speaks against another candidate: its fit did not come to rest, and by the scores it explains as much.
 
-    Not where the best one's fit gained far more than that score.
+    Not where the best one's fit gained far more than that score; but a lag and a delay of one signal are nearly the same.
     """
     (c, s, f), (d, there, g) = best, other
     if s is None or there is None or np.isfinite(g.gain):
         return False
-    return d.size <= c.size and there.gain >= AS_MUCH * s.gain and not f.gain > FAR * there.gain
+    near = c.place == d.place and {c.physics, d.physics} <= {*LATE}
+    return d.size <= c.size and there.gain >= AS_MUCH * s.gain and (near or not f.gain > FAR * there.gain)
 
 
 def fitted_strengths(c: Candidate, result: Smoothing) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

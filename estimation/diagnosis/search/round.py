@@ -23,6 +23,7 @@ from ..scores.shares import FLOOR, Sizes
 from ..scores.supermodel import looked_at
 from .choice import (
     CLEAR,
+    LATE,
     chosen,
     coloured,
     explaining,
@@ -141,6 +142,8 @@ class Round:
         self._fit([(s.candidate, s) for s in richer], now)
         plain = [self.fits.candidates(replace(self.base, result=there), [(c, None)]) for c, there in self._plainer_than_fitted()]
         self.fitted = _gained([*self.fitted, *(fit for fits in plain for fit in fits)], now)
+        late = [self.fits.candidates(replace(self.base, result=there), [(s.candidate, s)]) for s, there in self._late_as_another()]
+        self.fitted = _gained([*self.fitted, *(fit for fits in late for fit in fits)], now)
 
     def _there(self, c: Candidate) -> bool:
         """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
@@ -168,6 +171,24 @@ class Round:
             if not np.isfinite(gained) or gained < f.gain:
                 (strength,) = plain.strengths
                 found.append((replace(plain, start={**plain.start, strength: (there.parameters[level].value, 0.0, np.inf)}), there))
+        return found
+
+    def _late_as_another(self) -> list[tuple[Screened, Smoothing]]:
+        """A lag where a delay of the same signal gained more, or the other way round, as late as that is, and where that came to rest.
+
+        By itself either may end in another valley.
+        """
+        found = list[tuple[Screened, Smoothing]]()
+        late = [(c, s, f) for c, s, f in self.fitted if c.physics in LATE and s is not None]
+        for c, s, f in late:
+            others = [o for o in late if o[0].place == c.place and o[0].physics != c.physics and o[2].gain > max(f.gain, 0.0) + CLEAR]
+            best = max(others, key=lambda o: o[2].gain, default=None)
+            if s is None or best is None or (there := best[2].whole) is None:
+                continue
+            (own,), (path,) = c.named.values(), best[0].named.values()
+            _, low, high = c.start[own]
+            as_late = {own: float(np.clip(there.parameters[path].value, low, high))}
+            found.append((replace(s, look=replace(s.look, shape=as_late)), there))
         return found
 
     def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:

@@ -36,7 +36,7 @@ AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at m
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
 OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
-LATE = {"tau", "delay"}  # what a lag and a delay have
+BY = {"tau", "delay"}  # what a lag and a delay have
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 
@@ -214,7 +214,7 @@ class Search:
         As late as both are: no small steps lead there from where each makes good what the other one is not.
         """
         *before, new = self.standing.accepted or (None,)
-        pair = next((k for k, old in enumerate(before) if new and old.place == new.place and {*old.named, *new.named} == LATE), None)
+        pair = next((k for k, old in enumerate(before) if new and old.place == new.place and {*old.named, *new.named} == BY), None)
         if new is None or pair is None or self.fits.left == 0:
             return
         *other, path = (path for c in (before[pair], new) for path in c.named.values())

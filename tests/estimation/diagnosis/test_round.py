@@ -77,6 +77,29 @@ def test_a_plain_law_is_fitted_from_where_a_richer_one_came_to_rest_whose_peak_i
     assert scored._plainer_than_fitted() == []  # it came there by itself
 
 
+def test_a_delay_whose_fit_was_lost_is_fitted_from_where_a_lag_came_to_rest():
+    """A sensor that is three samples late."""
+    made = run(1.0)
+    x = made.outputs["x"]
+    problem = posed(replace(made, outputs={"x": np.concatenate([np.full(3, x[0]), x[:-3]])}))
+    result = smoothing(problem, settings=QUICKLY)
+    scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
+    lag, delay = (next(s for s in scored.found.found if s.candidate.physics == f"sensor_{word}") for word in ("lag", "delay"))
+    scored._fit([(lag.candidate, lag)], now)
+    (first,) = scored.fitted
+    assert np.isfinite(first[2].gain)
+    scored.fitted.append((delay.candidate, delay, Fitted(candidate=delay.candidate, failed="lost")))
+    ((again, there),) = scored._late_as_another()
+    assert again.candidate is delay.candidate
+    assert again.look.shape["sensor_delay_x.delay"] == first[2].result.parameters["sensor_lag_x.tau"].value
+    ((c, _, f),) = _gained(scored.fits.candidates(replace(scored.base, result=there), [(again.candidate, again)]), now)
+    assert f.result.parameters["sensor_delay_x.delay"].value == pytest.approx(3e-3, rel=0.02)
+    assert f.gain > first[2].gain
+    assert "delay" in c.title
+    scored.fitted[1] = c, delay, f
+    assert [s.candidate.physics for s, _ in scored._late_as_another()] == ["sensor_lag"]  # now that one is tried from there
+
+
 def test_fits_anew_begin_at_the_guesses_that_were_given():
     problem = posed(run(0.2, 2e-3))
     scored = begun(problem, smoothing(problem, settings=QUICKLY))
