@@ -43,7 +43,7 @@ types: $(VENV)/.installed
 unit: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40
 
-# Those that the wheel is not tested by, but for a few that take a minute and more beside others that look at the same.
+# Those that the wheel is not tested by, but for some that take their time beside others that look at the same.
 slow: $(VENV)/.installed
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest $(CORES) --durations=40 -m "(slow or checkout) and not long"
 

@@ -119,6 +119,7 @@ def test_the_pages_that_it_points_to_are_there():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.checkout
 def test_the_table_of_classical_methods_is_the_one_that_its_example_makes():
     page, names = ESTIMATION / "classical" / "README.md", dict[str, object]()

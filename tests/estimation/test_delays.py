@@ -193,6 +193,7 @@ def test_a_delay_that_nobody_asks_for_spoils_the_rest():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_over_twenty_records_the_scores_are_centred_and_of_unit_size():
     z = np.array([scores(fitted(late(seed, 0.004)), 0.004) for seed in range(20)])
     # twenty scores: the mean is known to 0.22 and the deviation to 16 %; three of each, and half a deviation for the joint mode's bias
@@ -268,7 +269,7 @@ def test_a_sensors_delay_is_no_parameter_of_the_plant_to_simulate_with(tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("delay", "every"), [(0.12, 2), (0.08, 1)])
+@pytest.mark.parametrize(("delay", "every"), [pytest.param(0.12, 2, marks=pytest.mark.long), (0.08, 1)])
 def test_gross_outliers_do_not_end_the_search_for_a_delay_on_an_edge(delay, every):
     """Far from the delay what follows outliers is astray, and more noise explains them better than the truth does."""
     run, rng = late(1, delay), np.random.default_rng(1)

@@ -203,6 +203,8 @@ def bit_behind(time: np.ndarray, table: np.ndarray, k: float, J: float, sliding:
     return {"string.dphi": twist, "bha.omega": speed}
 
 
+@pytest.mark.slow
+@pytest.mark.long
 def test_past_a_bit_that_sticks_parameters_leap_where_damped_steps_creep(monkeypatch):
     """How much further a leap leads hangs on a hair, as where the bit breaks away; never is where it leads worse than where steps creep."""
     ratios = []

@@ -67,6 +67,7 @@ def test_it_is_unbiased_where_the_direct_method_is_not():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_by_simulation_its_deviations_hold_for_coloured_noise():
     """The second stage by itself: prediction_error, whose deviations know of the colour; 2 loops of 2 parameters, none beyond 4.5."""
     scores = []

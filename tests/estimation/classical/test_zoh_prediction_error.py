@@ -31,7 +31,7 @@ def recorded(seed: int, *, force_std: float, noise: float, n: int = 800) -> Reco
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "force_std"), [("forces", 0.5), ("none", 0.0)])
+@pytest.mark.parametrize(("noise", "force_std"), [pytest.param("forces", 0.5, marks=pytest.mark.long), ("none", 0.0)])
 def test_estimates_scatter_as_their_deviations_say(noise, force_std):
     """8 repetitions of 4 parameters: rms of the 32 scores within 0.6 .. 1.5 (chance of failing below 1e-3)."""
     scores = []

@@ -166,7 +166,11 @@ DEGREES = 180.0 / np.pi
             marks=pytest.mark.long,
         ),
         (lambda y: {"phi": y["s"], "s": y["phi"]}, "the columns of phi and s are exchanged"),
-        (lambda y: {"phi": y["phi"], "s": -y["s"]}, "s has the other sign: negate the column of s"),
+        pytest.param(
+            lambda y: {"phi": y["phi"], "s": -y["s"]},
+            "s has the other sign: negate the column of s",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_columns_that_no_such_machine_could_have_are_told_from_what_they_may_be(read, said):

@@ -17,6 +17,7 @@ from backsight.models.errors import InputError
 from backsight.models.mechanics.translational import Force, ForceSensor, Friction, Mass, SpringDamper
 from backsight.models.simulation import simulate
 
+LONG = [pytest.mark.slow, pytest.mark.long]
 STEP = 2e-3
 
 
@@ -252,8 +253,8 @@ def test_two_parameters_that_nobody_can_tell_apart_do_not_hide_what_is_missing()
     "supposed",
     [
         {"weights": Weights(V={"F": 0.5})},
-        {"parameters": {"offset.f": Free(0.0, per_recording=True)}},
-        {"parameters": {"offset.f": Free(0.0, drift=0.1)}},
+        pytest.param({"parameters": {"offset.f": Free(0.0, per_recording=True)}}, marks=LONG),
+        pytest.param({"parameters": {"offset.f": Free(0.0, drift=0.1)}}, marks=LONG),
         {"weights": Weights(W={"kinematics:carriage.s": 1e-5, "carriage": 0.1})},
         {"weights": Weights(W={"carriage": 1.0}, tau={"carriage": 0.05})},
     ],

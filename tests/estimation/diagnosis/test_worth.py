@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -41,19 +43,21 @@ def worth(beside: Worth | None = None, **given: float) -> Worth:
     return Worth(nats=evidence(problem, result), solution=result.solution)
 
 
-SHARP = worth(friction_width=5e-4)
+@cache
+def sharp() -> Worth:
+    return worth(friction_width=5e-4)
 
 
 def test_a_sign_that_is_rounder_says_nothing_of_the_machine():
     """The same law with four times the width: evidence takes its creep at every rest for worse, and nothing but that."""
     round_one = worth(friction_width=2e-3)
-    assert round_one.nats - SHARP.nats < -80.0
-    assert -20.0 < round_one.over(SHARP) < 5.0
-    assert SHARP.over(round_one) == pytest.approx(-round_one.over(SHARP))
+    assert round_one.nats - sharp().nats < -80.0
+    assert -20.0 < round_one.over(sharp()) < 5.0
+    assert sharp().over(round_one) == pytest.approx(-round_one.over(sharp()))
 
 
 def test_rests_are_where_the_axis_stands_still():
-    (rows,) = SHARP.rests.values()
+    (rows,) = sharp().rests.values()
     assert np.mean(rows[STILL]) > 0.9
     assert 0.1 < np.mean(rows) < 0.4
 
@@ -61,7 +65,7 @@ def test_rests_are_where_the_axis_stands_still():
 def test_strengths_are_compared_by_what_they_are_in_motion():
     """A level a tenth too low is less likely in motion by more than it is at rest, where it holds the axis as well."""
     weak = worth(friction_f_c=18.0)
-    assert weak.over(SHARP) < weak.nats - SHARP.nats < -100.0
+    assert weak.over(sharp()) < weak.nats - sharp().nats < -100.0
 
 
 def test_a_strength_that_is_found_gains_in_motion_alone_as_a_law_beside_the_known_one_would():
@@ -75,14 +79,14 @@ def test_a_strength_that_is_found_gains_in_motion_alone_as_a_law_beside_the_know
 def test_against_a_model_without_friction_rests_count():
     free = worth(friction_f_c=0.0)
     assert not free.rests
-    assert free.over(SHARP) == free.nats - SHARP.nats < -500.0
+    assert free.over(sharp()) == free.nats - sharp().nats < -500.0
 
 
 def test_doubt_is_that_of_stretches_about_those_beside():
-    assert SHARP.doubt(SHARP) == 0.0
-    assert SHARP.doubt(NONE) == np.inf
+    assert sharp().doubt(sharp()) == 0.0
+    assert sharp().doubt(NONE) == np.inf
     less = worth(friction_f_c=18.0)
-    assert 10.0 < less.doubt(SHARP) < abs(less.over(SHARP)) / 2
+    assert 10.0 < less.doubt(sharp()) < abs(less.over(sharp())) / 2
 
 
 def test_a_gain_that_is_all_of_one_part_is_no_doubt(monkeypatch):
@@ -130,13 +134,13 @@ def test_what_a_rest_tells_of_a_parameter_that_is_none_stays_its_price():
 
 
 def test_a_model_without_evidence_is_no_match():
-    assert NONE.over(SHARP) == NONE.over(NONE) == -np.inf
-    assert SHARP.over(NONE) == np.inf
+    assert NONE.over(sharp()) == NONE.over(NONE) == -np.inf
+    assert sharp().over(NONE) == np.inf
 
 
 def test_a_richer_law_counts_against_the_plainest_one_of_its_place():
     """Both laws are new to the base: what tells them apart is how they move, and what tells them from the base is the plain one's whole."""
-    base, plain, rich = worth(friction_f_c=0.0), SHARP, worth(friction_width=2e-3)
+    base, plain, rich = worth(friction_f_c=0.0), sharp(), worth(friction_width=2e-3)
     found = gains([("carriage", (2, 7), rich), ("carriage", (1, 9), plain), ("motor", (1, 0), base)], base)
     assert found == pytest.approx([plain.over(base) + rich.over(plain), plain.over(base), 0.0])
     assert found[0] > rich.over(base) + 50.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.smoother import Settings, smoothing
 from backsight.models.plants import actuator
+from backsight.ocp import Solution
 
 M1, M2, K, D, B, STEP, N, NOISE = 15.0, 80.0, 6e4, 60.0, 200.0, 2e-3, 800, 2e-6
 
@@ -40,17 +42,21 @@ def posed(screw: str) -> Problem:
 
 
 RECORDING = recorded()
-RIGID = smooth(posed("rigid"), settings=Settings(check_mesh=False)).solution
+
+
+@cache
+def rigid() -> Solution:
+    return smooth(posed("rigid"), settings=Settings(check_mesh=False)).solution
 
 
 def test_what_both_models_have_goes_on_as_it_was_and_the_rest_where_the_old_one_has_it_by_name():
-    assert RIGID is not None
+    assert rigid() is not None
     soft = posed("compliant")
-    begun = Begun.of(RIGID, soft)
+    begun = Begun.of(rigid(), soft)
     assert begun is not None
-    times = RIGID.transcription.horizons[0].mesh.knots[3:9]
-    (_, was, _), (rates, now, _) = Begun.at(RIGID).followed.at(0, times), begun.followed.at(0, times)
-    old, new = ([q.name for q in dae.states] for dae in (RIGID.transcription.dae, soft.dae))
+    times = rigid().transcription.horizons[0].mesh.knots[3:9]
+    (_, was, _), (rates, now, _) = Begun.at(rigid()).followed.at(0, times), begun.followed.at(0, times)
+    old, new = ([q.name for q in dae.states] for dae in (rigid().transcription.dae, soft.dae))
     for name in ("carriage.s", "carriage.v"):
         np.testing.assert_allclose(now[new.index(name)], was[old.index(name)], rtol=1e-9, atol=1e-12)
     # the rigid model has no motor mass, but something moves where it is; and a velocity is the slope of its position
@@ -61,9 +67,9 @@ def test_what_both_models_have_goes_on_as_it_was_and_the_rest_where_the_old_one_
 
 
 def test_from_a_rigid_axis_a_soft_one_is_found():
-    assert RIGID is not None
+    assert rigid() is not None
     soft = posed("compliant")
-    warm = smooth(soft, settings=Settings(check_mesh=False), begin=Begun.of(RIGID, soft))
+    warm = smooth(soft, settings=Settings(check_mesh=False), begin=Begun.of(rigid(), soft))
     assert warm.solver.converged
     for name, true in (("screw.k", K), ("carriage.m", M2), ("friction.d", B)):
         p = warm.parameters[name]
@@ -71,13 +77,13 @@ def test_from_a_rigid_axis_a_soft_one_is_found():
 
 
 def test_another_input_or_no_solution_is_no_beginning():
-    assert RIGID is not None
+    assert rigid() is not None
     soft = posed("compliant")
     renamed = replace(actuator(screw="compliant", encoder="motor"), inputs={"G": "motor.f"})
     inputs = {"G": RECORDING.inputs["F"]}
-    assert Begun.of(RIGID, Problem(model=renamed, recordings=[replace(RECORDING, inputs=inputs)], parameters=soft.parameters)) is None
-    status = type(RIGID.solved.status).ITERATIONS
-    assert Begun.of(replace(RIGID, solved=replace(RIGID.solved, status=status)), soft) is None
+    assert Begun.of(rigid(), Problem(model=renamed, recordings=[replace(RECORDING, inputs=inputs)], parameters=soft.parameters)) is None
+    status = type(rigid().solved.status).ITERATIONS
+    assert Begun.of(replace(rigid(), solved=replace(rigid().solved, status=status)), soft) is None
 
 
 def test_a_fit_begins_with_the_noise_of_the_solution_where_nobody_gave_one():

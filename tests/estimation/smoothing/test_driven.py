@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 from backsight.data.generators import drillstring, quadrotor
+from backsight.data.generators.run import Run
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.smoothing.along import rms
 from backsight.estimation.smoothing.driven import Driven, lags_of, own_rows, simulated, stopping
@@ -26,14 +28,18 @@ from backsight.models.signals import Lag
 
 ROTORS = [f"rotor_{i}.thrust" for i in (1, 2, 3, 4)]
 FREE = ("body.Ixx", "body.Iyy", "body.Izz", "rotor.tau", "rotor.gain")
-RUN = quadrotor.record(seed=21, conditions=replace(quadrotor.CONDITIONS, duration=12.0))
+
+
+@cache
+def flown() -> Run:
+    return quadrotor.record(seed=21, conditions=replace(quadrotor.CONDITIONS, duration=12.0))
 
 
 def flight(factors: dict[str, float]) -> Problem:
     """A flight with some of the quadrotor's parameters at guesses these factors off, held near them as a descent does."""
     dae = compile_model(PLANTS["quadrotor"]())
     true = {p.name: p.value for p in dae.parameters}
-    recording = Recording(name="flight", time=RUN.time, inputs=RUN.inputs, outputs=RUN.outputs, output_std=RUN.noise)
+    recording = Recording(name="flight", time=flown().time, inputs=flown().inputs, outputs=flown().outputs, output_std=flown().noise)
     free = {name: Free(true[name] * f, min=0.0, std=2 * true[name] * f) for name, f in factors.items()}
     return Problem(model=dae, recordings=[recording], parameters=free).plain
 
@@ -60,7 +66,7 @@ def test_thrusts_run_as_the_speeds_of_the_rotors_say():
     problem = flight({})
     followed = follow_closely(problem, output_stds(problem)[0], None)
     run = Driven(problem.dae, rows_of(problem)).run(followed, 0, problem.values)
-    true = np.array([np.interp(run.times, RUN.time, RUN.truth[name]) for name in ROTORS])
+    true = np.array([np.interp(run.times, flown().time, flown().truth[name]) for name in ROTORS])
     later = run.times > 0.5
     assert np.sqrt(np.mean((run.state - true)[:, later] ** 2)) < 0.02 * np.std(true[:, later])
     moved = simulated(Driven(problem.dae, rows_of(problem)), followed, problem.values)
@@ -156,20 +162,22 @@ def test_a_torque_that_lags_behind_its_command_is_smoothed_from_guesses_three_ti
         assert estimate.std < 0.02 * true
 
 
-DRILLED = drillstring.record(
-    drillstring.with_values({"bit.tau_sl": 0.35, "bit.tau_st": 0.55}),
-    seed=4,
-    conditions=replace(drillstring.CONDITIONS, duration=30.0, process={}),
-)
+@cache
+def drilled() -> Run:
+    return drillstring.record(
+        drillstring.with_values({"bit.tau_sl": 0.35, "bit.tau_st": 0.55}),
+        seed=4,
+        conditions=replace(drillstring.CONDITIONS, duration=30.0, process={}),
+    )
 
 
 def drilling(factors: dict[str, float], first: float = 0.0, rows: np.ndarray | slice = slice(None)) -> Problem:
     """A bit that sticks and slips, with some parameters at guesses these factors off, held near them as a descent does."""
     dae = compile_model(PLANTS["drillstring"]())
     true = {p.name: p.value for p in dae.parameters} | {"bit.tau_sl": 0.35, "bit.tau_st": 0.55}
-    rows = np.flatnonzero(DRILLED.time - DRILLED.time[0] >= first)[rows]
-    inputs, outputs = ({name: y[rows] for name, y in table.items()} for table in (DRILLED.inputs, DRILLED.outputs))
-    recording = Recording(name="run", time=DRILLED.time[rows], inputs=inputs, outputs=outputs, output_std=DRILLED.noise)
+    rows = np.flatnonzero(drilled().time - drilled().time[0] >= first)[rows]
+    inputs, outputs = ({name: y[rows] for name, y in table.items()} for table in (drilled().inputs, drilled().outputs))
+    recording = Recording(name="run", time=drilled().time[rows], inputs=inputs, outputs=outputs, output_std=drilled().noise)
     free = {name: Free(true[name] * f, min=0.0, std=2 * true[name] * f) for name, f in factors.items()}
     fixed = {name: true[name] for name in ("bit.tau_sl", "bit.tau_st") if name not in factors}
     return Problem(model=dae, recordings=[recording], parameters={**fixed, **free}).plain
@@ -210,7 +218,7 @@ def test_a_recording_may_begin_while_the_bit_slips(first, slips):
     seen, instants = Seen(problem, driven, followed, problem.values), driven.instants(followed, 0)
     along = driven.along(followed, 0, (instants[1:] + instants[:-1]) / 2)
     begun = seen.begun(instants, along, problem.values)
-    truth = {name: float(np.interp(DRILLED.time[0] + first, DRILLED.time, DRILLED.truth[name])) for name in STUCK}
+    truth = {name: float(np.interp(drilled().time[0] + first, drilled().time, drilled().truth[name])) for name in STUCK}
     assert (truth["bha.omega"] > 1.0) == slips
     true = np.array([truth[name] for name in named(problem.dae, driven.rows)])
 
@@ -234,7 +242,7 @@ def test_where_all_parameters_are_known_the_unseen_begins_as_it_moves_there(firs
     _, x, _ = found[0].at(0, times)
     for i in string_and_bit(problem).rows:
         name = problem.dae.states[i].name
-        true = np.interp(first + times, DRILLED.time - DRILLED.time[0], DRILLED.truth[name])
+        true = np.interp(first + times, drilled().time - drilled().time[0], drilled().truth[name])
         assert np.sqrt(np.mean((x[i] - true) ** 2)) < 0.25 * max(np.std(true), problem.dae.states[i].nominal), name
 
 
@@ -256,7 +264,7 @@ def test_a_bit_that_sticks_and_slips_goes_as_in_the_simulator_that_finds_its_sto
     parameters[[p.name for p in problem.dae.parameters].index("bit.width")] = 0.02
     driven = string_and_bit(problem)
     run = driven.run(followed, 0, parameters, np.zeros(2))
-    true = {name: np.interp(run.times, DRILLED.time, DRILLED.truth[name]) for name in STUCK}
+    true = {name: np.interp(run.times, drilled().time, drilled().truth[name]) for name in STUCK}
     state = dict(zip(named(problem.dae, driven.rows), run.state, strict=True))
     stuck = np.abs(true["bha.omega"]) < 1e-9
     assert 0.1 < np.mean(stuck) < 0.9

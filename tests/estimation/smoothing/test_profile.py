@@ -137,6 +137,7 @@ def test_a_lopsided_interval_is_that_of_the_likelihood_itself():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_the_interval_of_a_strongly_nonlinear_model_holds_the_truth_as_often_as_it_says():
     """60 records: 95 % of them between 51 and 60, half of them below the median of chi-square; both missed with a chance below 1 %."""
     rng, d = np.random.default_rng(3), 1.0

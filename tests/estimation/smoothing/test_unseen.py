@@ -102,7 +102,7 @@ def test_one_inertia_that_is_known_does_not_hide_how_far_off_the_other_guesses_a
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_load_that_its_own_noise_moves_as_much_as_the_shaft_does_is_told_from_that(seed):
     """The most probable parameters together with a trajectory are in another valley, where the load is twice as large."""
     true = {"motor.J": 2.16e-3, "load.J": 7.15e-3, "shaft.k": 1.724, "shaft.d": 0.0203, "bearing.d": 0.0254, "brake.d": 0.0437}
@@ -194,7 +194,7 @@ def test_a_load_that_rings_is_found_from_guesses_three_times_off_in_either_direc
     assert result.parameters["shaft.k"].std < 0.05 * true["shaft.k"]
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=[pytest.mark.slow, pytest.mark.long])])
 def test_where_no_force_acts_deviations_are_those_of_no_force_whatever_the_guesses(seed):
     """Weights are chosen with parameters held where the way begins; what these are off by is no force once they have moved."""
     recording, _ = recorded(seed)

@@ -15,8 +15,15 @@ RUNS = {"actuator": (4, 400), "five_bar": (3, 200)}  # seeds and rows
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", ["plain", "defective"])
-@pytest.mark.parametrize("plant", RUNS)
+@pytest.mark.parametrize(
+    ("plant", "what"),
+    [
+        ("actuator", "plain"),
+        ("actuator", "defective"),
+        ("five_bar", "plain"),
+        pytest.param("five_bar", "defective", marks=pytest.mark.long),
+    ],
+)
 def test_errors_are_as_large_as_stated(plant: str, what: str) -> None:
     seeds, rows = RUNS[plant]
     runs = [tracking.follow(plant, seed, what, 50, rows) for seed in range(seeds)]
@@ -40,7 +47,7 @@ def test_gross_errors_are_left_out_and_hardly_cost_anything() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("plant", ["actuator", "five_bar"])
+@pytest.mark.parametrize("plant", ["actuator", pytest.param("five_bar", marks=pytest.mark.long)])
 def test_a_parameter_that_jumps_by_a_third_is_found_again_within_its_stated_deviation(plant: str) -> None:
     run = tracking.follow(plant, 0, "jump", 50)
     t, error, std = np.array(run["jumping"]).T
