@@ -12,6 +12,7 @@ from backsight.models import Model
 
 from ...problem import Free, Problem
 from ...results import Smoothing
+from ..answer.verdict import EVERYWHERE
 from ..candidates.candidate import Candidate
 from ..candidates.library import library
 from ..scores.shares import Sizes
@@ -60,7 +61,7 @@ class OneLevel:
     def instead(self, standing: Standing, result: Smoothing, sizes: Sizes) -> Standing:
         """What was found, with it."""
         k, c, named = self.number, self.candidate, standing.named
-        new = renewed(replace(named[k], explanation=explained(c, result)), c, result, sizes)
+        new = renewed(replace(named[k], explanation=explained(c, result), regime=EVERYWHERE), c, result, sizes)
         return replace(
             standing.at(self.problem, result, self.model),
             findings=tuple(new if finding is named[k] else finding for finding in standing.findings),
