@@ -189,6 +189,13 @@ def followed_by(solution: Solution) -> Followed:
     return Followed(transcription=t, horizons=t.horizons, decisions=solution.solved.decisions, covariance=covariance)
 
 
+def in_the_middles(solution: Solution, expression: Any) -> Array:
+    """An expression of the model in the middles of all intervals of a solution, (rows, N)."""
+    t, followed = solution.transcription, followed_by(solution)
+    middles = [(h.mesh.knots[1:] + h.mesh.knots[:-1]) / 2 for h in t.horizons]
+    return np.hstack([along(t.dae, expression, followed, number, at, solution.parameters) for number, at in enumerate(middles)])
+
+
 def force_stds(solution: Solution) -> dict[str, float]:
     """Place -> std of its residual force in a solution, away from rest."""
     t = solution.transcription

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from backsight.ocp import Solution
 
-from ...smoothing.along import along
-from ...smoothing.begun import followed_by
+from ...smoothing.begun import in_the_middles
 from .mismatch import MOTIONS
 from .verdict import EVERYWHERE
 
@@ -64,12 +63,9 @@ def _regimes(solution: Solution, place: str, weight: Array) -> Iterator[tuple[st
 
 def _along(solution: Solution, place: str, names: tuple[str, ...]) -> tuple[Array, str] | None:
     """A motion of the place in the middles of all intervals, (N,), and its unit; None where nothing moves: v of a motor is a voltage."""
-    t, dae = solution.transcription, solution.transcription.dae
+    dae = solution.transcription.dae
     unit = next((WAYS.get(p.unit) for p in dae.places if p.name == place), None)
     own = next((n for n in names if f"{place}.{n}" in dae.variables), None)
     if own is None or unit is None:
         return None
-    expression, followed = dae.variables[f"{place}.{own}"], followed_by(solution)
-    middles = [(h.mesh.knots[1:] + h.mesh.knots[:-1]) / 2 for h in t.horizons]
-    parts = [along(dae, expression, followed, k, times, solution.parameters).ravel() for k, times in enumerate(middles)]
-    return np.concatenate(parts), unit
+    return in_the_middles(solution, dae.variables[f"{place}.{own}"])[0], unit

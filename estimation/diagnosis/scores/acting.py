@@ -16,8 +16,7 @@ import numpy as np
 
 from backsight.ocp import Solution
 
-from ...smoothing.along import along
-from ...smoothing.begun import followed_by
+from ...smoothing.begun import in_the_middles
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -47,10 +46,7 @@ class Acting:
         if not exact or not size:
             return cls(solution, (), np.zeros((count, places, 0)))
         slopes = ca.vertcat(ca.vec(ca.jacobian(F, y)), ca.vec(ca.jacobian(G, y)))
-        middles = [(h.mesh.knots[1:] + h.mesh.knots[:-1]) / 2 for h in t.horizons]
-        followed = followed_by(solution)
-        told = np.hstack([along(dae, slopes, followed, number, at, solution.parameters) for number, at in enumerate(middles)])
-        told = np.nan_to_num(told, posinf=0.0, neginf=0.0)
+        told = np.nan_to_num(in_the_middles(solution, slopes), posinf=0.0, neginf=0.0)
         F_y, G_y = (part.reshape(size, -1, count).transpose(2, 1, 0) for part in np.split(told, [places * size]))
         return cls(solution, tuple(k for k, _ in exact), -F_y @ np.linalg.pinv(G_y, rcond=LEAST))
 

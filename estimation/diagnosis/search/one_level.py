@@ -38,15 +38,16 @@ class OneLevel:
     @classmethod
     def of(cls, standing: Standing, bare: Bare, first: Smoothing) -> OneLevel | None:
         """None where a constant was not what was found last, or no friction of two levels before. first: of the bare model."""
-        *before, last = standing.accepted or (None,)
-        if last is None or last.physics not in CONSTANT or first.solution is None:
+        if not standing.accepted or standing.accepted[-1].physics not in CONSTANT or first.solution is None:
             return None
+        *before, last = standing.accepted
         for number, old in enumerate(before):
             names = next(([old.named[word] for word in pair] for pair in LEVELS if {*pair} <= old.named.keys()), None)
-            plain = (
-                next((c for c in library(bare.problem, bare.model, first.solution) if c.key == (old.place, PLAIN)), None) if names else None
-            )
-            if old is None or names is None or plain is None:
+            if names is None:
+                continue
+            there = library(bare.problem, bare.model, first.solution)
+            plain = next((c for c in there if c.key == (old.place, PLAIN)), None)
+            if plain is None:
                 continue
             posed = bare.having((*before[:number], plain, *before[number + 1 :], last), standing.problem, standing.result)
             if posed is None:

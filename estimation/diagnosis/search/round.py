@@ -140,10 +140,8 @@ class Round:
         self._fit([(s.candidate, s) for s in rich if s.candidate.place not in held], now)
         richer = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
         self._fit([(s.candidate, s) for s in richer], now)
-        plain = [self.fits.candidates(replace(self.base, result=there), [(c, None)]) for c, there in self._plainer_than_fitted()]
-        self.fitted = _gained([*self.fitted, *(fit for fits in plain for fit in fits)], now)
-        late = [self.fits.candidates(replace(self.base, result=there), [(s.candidate, s)]) for s, there in self._late_as_another()]
-        self.fitted = _gained([*self.fitted, *(fit for fits in late for fit in fits)], now)
+        self._fit_where([(c, None, there) for c, there in self._plainer_than_fitted()], now)
+        self._fit_where([(s.candidate, s, there) for s, there in self._late_as_another()], now)
 
     def _there(self, c: Candidate) -> bool:
         """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
@@ -190,6 +188,11 @@ class Round:
             as_late = {own: float(np.clip(there.parameters[path].value, low, high))}
             found.append((replace(s, look=replace(s.look, shape=as_late)), there))
         return found
+
+    def _fit_where(self, wanted: Sequence[tuple[Candidate, Screened | None, Smoothing]], now: Worth) -> None:
+        """Fits of candidates from where others came to rest."""
+        fits = [self.fits.candidates(replace(self.base, result=there), [(c, s)]) for c, s, there in wanted]
+        self.fitted = _gained([*self.fitted, *(fit for own in fits for fit in own)], now)
 
     def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
         """Fits of candidates, held against those that there are."""

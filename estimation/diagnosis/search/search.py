@@ -213,9 +213,11 @@ class Search:
 
         As late as both are: no small steps lead there from where each makes good what the other one is not.
         """
-        *before, new = self.standing.accepted or (None,)
-        pair = next((k for k, old in enumerate(before) if new and old.place == new.place and {*old.named, *new.named} == BY), None)
-        if new is None or pair is None or self.fits.left == 0:
+        if not self.standing.accepted or self.fits.left == 0:
+            return
+        *before, new = self.standing.accepted
+        pair = next((k for k, old in enumerate(before) if old.place == new.place and {*old.named, *new.named} == BY), None)
+        if pair is None:
             return
         *other, path = (path for c in (before[pair], new) for path in c.named.values())
         free = self.problem.parameters[path]
