@@ -258,9 +258,15 @@ def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, ...]]]) 
 
 
 def idle(c: Candidate, result: Smoothing) -> bool:
-    """Whether a model that has a candidate would be as good without it, or has it at nothing, on its bound.
+    """Whether a model that has a candidate would be as good without it, or has it at nothing, on its bound."""
+    return spare(c, result) > -CLEAR
 
-    It is as good without one whose two strengths are one, where the model had that. Of couplings, which have no strength, nobody can say.
+
+def spare(c: Candidate, result: Smoothing) -> float:
+    """By how many nats a model that has a candidate would be more probable without it, by its own fit; -inf where nobody can say.
+
+    At nothing, on its bound, it is as good without. So it is without one whose two strengths are one, where the model had that. Of
+    couplings, which have no strength, nobody can say.
     """
     nothing = _nothing(c)
     if c.all_shape:
@@ -271,13 +277,12 @@ def idle(c: Candidate, result: Smoothing) -> bool:
         near = dict.fromkeys(ends, NOTHING)
     there = {n: p for n in ends if (p := result.parameters.get(n)) is not None}
     if there and all(p.on_bound and abs(p.value - ends[n]) <= near[n] for n, p in there.items()):
-        return True
+        return 0.0
     told = {n for n, p in result.parameters.items() if p.std is not None}
-    for both in (names.split() for names in c.absorbs.values()):
-        if len(both) == 2 and told.issuperset(both) and more_probable_alike(result, *both) > -CLEAR:
-            return True
+    pairs = (names.split() for names in c.absorbs.values())
+    more = [more_probable_alike(result, *both) for both in pairs if len(both) == 2 and told.issuperset(both)]
     at = {n: end for n, end in nothing.items() if n in told}
-    return bool(at) and more_probable_at(result, at) > -CLEAR
+    return max([*more, *([more_probable_at(result, at)] if at else [])], default=-inf)
 
 
 def _nothing(c: Candidate) -> dict[str, float]:

@@ -51,8 +51,19 @@ def _numbers(c: Candidate, result: Smoothing) -> dict[str, ParameterEstimate]:
     return found | {word: p for word, p in later.items() if not p.fixed}
 
 
-def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Screen, sizes: Sizes, same: Sequence[Candidate] = ()) -> Finding:
-    """The best of the fits of a round, with those that cannot be told from it and those that can; same: some that cannot."""
+def finding(
+    base: Linearised,
+    best: Judged,
+    fits: Sequence[Judged],
+    found: Screen,
+    sizes: Sizes,
+    same: Sequence[Candidate] = (),
+    mending: Sequence[Candidate] = (),
+) -> Finding:
+    """The best of the fits of a round, with those that cannot be told from it and those that can.
+
+    same: some that cannot; mending: some that can, since with them more effects are needed.
+    """
     c, s, f = best
     rivals, others, near = list[Explanation](), list[Explanation](), list[Screened | None]()
     for d, there, g in fits:
@@ -62,7 +73,7 @@ def finding(base: Linearised, best: Judged, fits: Sequence[Judged], found: Scree
         if _left_open(best, (d, there, g)):
             rivals.append(explained(d, None))
             near.append(there)
-        elif d in same or (gap < RIVAL and sound(d, g) and (d.size <= c.size or gap < 0)):
+        elif d in same or (gap < RIVAL and sound(d, g) and d not in mending and (d.size <= c.size or gap < 0)):
             rivals.append(explained(d, g.result, max(gap, 0.0) if d in same else gap))
             near.append(None if d in same else there)
         elif np.isfinite(gap):

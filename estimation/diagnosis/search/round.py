@@ -33,6 +33,7 @@ from .choice import (
     plainness,
     simplest,
     sound,
+    spare,
     steady,
     stood_for,
 )
@@ -51,10 +52,14 @@ NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a
 
 @dataclass(frozen=True, kw_only=True)
 class Best:
-    """What a round ends with: the fit that is kept, and candidates that nobody can tell from it."""
+    """What a round ends with: the fit that is kept, and candidates that nobody can tell from it.
+
+    mending: what leaves more of the effects at work that were found before.
+    """
 
     judged: Judged
     same: tuple[Candidate, ...]
+    mending: tuple[Candidate, ...] = ()
 
 
 @dataclass(kw_only=True)
@@ -124,10 +129,12 @@ class Round:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
         if not good:
             return None
-        best = simplest([(f, f[1], f[2].gain, _plainness(f)) for f in good])
+        end = {id(f): self._in_the_end(f) for f in good}
+        best = simplest([(f, f[1], *end[id(f)]) for f in sorted(good, key=lambda f: -end[id(f)][0])])
         same = indistinct(best, good)
-        best, same = min([best, *same], key=lambda f: (_plainness(f), -f[2].gain)), [best, *same]
-        return Best(judged=self._set_in(best), same=tuple(f[0] for f in same))
+        best, same = min([best, *same], key=lambda f: (end[id(f)][1], -end[id(f)][0])), [best, *same]
+        mending = (f[0] for f in good if end[id(f)][1][0] > end[id(best)][1][0])
+        return Best(judged=self._set_in(best), same=tuple(f[0] for f in same), mending=tuple(mending))
 
     def _fit_the_likely(self, now: Worth) -> None:
         """Fits of what the scores make likely, and of what they may not tell of."""
@@ -269,6 +276,17 @@ class Round:
             return None
         return replace(self.base, problem=problem, result=again)
 
+    def _in_the_end(self, fit: Judged) -> tuple[float, tuple[int, ...]]:
+        """What a fit gains [nats], and how plain it is, in a model without what was found before and is idle beside it.
+
+        What takes the place of another effect is plainer than what mends that.
+        """
+        c, _, f = fit
+        others = [] if f.result is None else [spare(a, f.result) for a in self.accepted if not c.replaces(a)]
+        gone = [nats for nats in others if nats > -CLEAR]
+        own = np.zeros(len(c.strengths)) if f.result is None else fitted_strengths(c, f.result)
+        return f.gain + sum(gone), (len(others) - len(gone), *plainness(c, own))
+
     def _set_in(self, best: Judged) -> Judged:
         """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
         for _ in range(DATES):
@@ -316,11 +334,6 @@ class Round:
             return left[place]
         joined = {merged.get(name, name) for name in joined_to(self.base.model, place)}
         return max((left[name] for name in joined if name in left), default=most)
-
-
-def _plainness(fit: Judged) -> tuple[int, ...]:
-    c, _, f = fit
-    return plainness(c, np.zeros(len(c.strengths)) if f.result is None else fitted_strengths(c, f.result))
 
 
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:

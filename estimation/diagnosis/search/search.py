@@ -205,7 +205,7 @@ class Search:
             found = self.without(k)
             if found is None or self._worth(found.problem, found.result).over(self.now) < -CLEAR:
                 continue
-            self.standing = found.gaining(self.standing.findings[k].gain)
+            self.standing = found.instead_of(self.standing.findings[k])
         return len(self.standing.accepted) < before
 
     def _late_by_both(self) -> None:

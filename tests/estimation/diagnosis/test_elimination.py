@@ -66,10 +66,31 @@ def test_what_is_nothing_beside_what_was_found_later_goes_out_again():
     search._eliminate()
     assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
     assert search.standing.findings[0].gain == 510.0
+    assert [(a.physics, a.gap) for a in search.standing.findings[0].alternatives] == [("cubic_spring", 500.0)]
     assert "cubic_spring_carriage" not in search.standing.model.components
     assert not any("cubic_spring" in name for name in (*search.problem.parameters, *search.result.parameters))
     f_c = search.result.parameters["coulomb_friction_carriage.f_c"]
     assert abs(f_c.value - 20.0) < 4 * f_c.std < 1.0
+
+
+def test_what_takes_the_place_of_what_was_found_is_plainer_than_what_mends_that():
+    bare = posed(run(1.0, 2e-3, f_c=20.0), W={"carriage": 0.05})
+    first = law("cubic_spring")
+    problem, model = having(bare, bare.model, first, {})
+    result = smooth(problem, settings=QUICKLY)
+    search = Search(
+        standing=Standing(problem=settled(problem, result), model=model, result=result, findings=(found(first, 10.0),), accepted=(first,)),
+        fits=Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf),
+    )
+    scored = search._scored()
+    mending, instead = law("spring"), law("coulomb_friction")
+    scored._fit([(s.candidate, s) for s in scored.found.found if s.candidate.key in {mending.key, instead.key}], search.now)
+    fits = {c.physics: (c, s, f) for c, s, f in scored.fitted}
+    gain, plain = scored._in_the_end(fits["coulomb_friction"])
+    assert plain[0] == 0  # effects beside it
+    assert 0.0 < gain - fits["coulomb_friction"][2].gain < 0.5 * np.log(result.criteria.samples)
+    assert scored._in_the_end(fits["spring"])[1][0] == 1
+    assert scored._in_the_end(fits["spring"])[0] == fits["spring"][2].gain
 
 
 def test_what_is_something_beside_it_stays():
