@@ -95,8 +95,8 @@ class Columnwise:
 
     def __init__(self, function: Any, shared: Sequence[int] = ()) -> None:
         self._function, self._shared = function, frozenset(shared)
-        self._mapped: dict[int, Any] = {}
-        self._bound: _Bound | None = None
+        self._mapped: dict[int, tuple[int, Any]] = {}  # by the powers of two that numbers of columns go beyond, as the next
+        self._bound: dict[int, _Bound] = {}
         self._seen, self._lock = 0, Lock()
 
     def __call__(self, *arguments: Array) -> list[Array]:
@@ -105,16 +105,19 @@ class Columnwise:
         count = next((a.shape[1] for k, a in enumerate(given) if k not in self._shared), 1)
         with self._lock:  # there is one work vector
             before, self._seen = self._seen, self._seen + count
+            if not count:
+                return [np.empty((self._function.size1_out(i), 0)) for i in range(self._function.n_out())]
             if count < FEWEST or before < REPAYS or self._operations is None:
                 return self._by_casadi(given, count)
             width = -(-count // -(-count // STRIP))
-            if self._bound is None or self._bound.width != width:
-                self._bound = _Bound(self._function, self._operations, self._shared, width)
+            bound = self._bound.get(width.bit_length())
+            if bound is None or bound.width < width:
+                bound = self._bound[width.bit_length()] = _Bound(self._function, self._operations, self._shared, width)
             out = [np.empty((self._function.size1_out(i), count)) for i in range(self._function.n_out())]
             with np.errstate(all="ignore"):
-                self._bound.share(given)
+                bound.share(given)
                 for first in range(0, count, width):
-                    self._bound.run(given, out, first, min(first + width, count))
+                    bound.run(given, out, first, min(first + width, count))
             return out
 
     @cached_property
@@ -135,20 +138,33 @@ class Columnwise:
 
     def _by_casadi(self, given: list[Array], count: int) -> list[Array]:
         """By CasADi's map, in place: its own conversion goes by way of lists."""
-        if count not in self._mapped:
-            self._mapped = {count: self._function.map(count)}
-        function = self._mapped[count]
-        flat = [np.ascontiguousarray(np.repeat(a[None], count, axis=0) if k in self._shared else a.T).ravel() for k, a in enumerate(given)]
-        out = [np.empty((count, self._function.size1_out(i))) for i in range(function.n_out())]
+        width, function = self._mapped.get(count.bit_length(), (0, None))
+        if width < count:
+            width, function = count, self._function.map(count)
+            self._mapped[count.bit_length()] = width, function
+        flat = [np.repeat(a[None], width, axis=0) if k in self._shared else _wide(a.T, width) for k, a in enumerate(given)]
+        out = [np.empty((width, self._function.size1_out(i))) for i in range(self._function.n_out())]
         buffer, evaluate = function.buffer()
         for i, a in enumerate(flat):
             if a.size:
-                buffer.set_arg(i, a.data)
+                buffer.set_arg(i, a.ravel().data)
         for i, a in enumerate(out):
             if a.size:
                 buffer.set_res(i, a.ravel().data)
         evaluate()
-        return [a.T for a in out]
+        return [a.T[:, :count] for a in out]
+
+
+def matrices(entries: Array, rows: int, columns: int = -1) -> Array:
+    """C matrices, (C, rows, columns), of their entries column by column, (columns * rows, C)."""
+    return np.ascontiguousarray(entries.reshape(columns, rows, entries.shape[1]).transpose(2, 1, 0))
+
+
+def _wide(rows: Array, count: int) -> Array:
+    """So many rows, (count, n), the last of which are the first once more."""
+    wide = np.empty((count, rows.shape[1]))
+    wide[: len(rows)], wide[len(rows) :] = rows, rows[0]
+    return wide
 
 
 class _Bound:

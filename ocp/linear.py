@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from backsight.models import Dae
 
-from .columnwise import Columnwise
+from .columnwise import Columnwise, matrices
 from .horizon import Horizon
 from .mesh import Mesh
 from .polynomials import Array
@@ -46,9 +46,9 @@ def linearise(dae: Dae, dx: Array, x: Array, z: Array, u: Array, t: Array, param
     parts += [ca.jacobian(dae.output, dae.w)[:, list(soft)]]
     answers = [ca.densify(ca.vec(dae.undisturbed(e))) for e in parts]
     function = Columnwise(ca.Function("linear", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], answers), (4,))
-    count, nx, nu = x.shape[1], dae.x.shape[0], dae.u.shape[0]
+    nx, nu = dae.x.shape[0], dae.u.shape[0]
     values = function(dx, x, z, u, parameters, t[None, :])
-    F_e, F_x, F_u, F_w, H_x, H_e, H_w = (_stacked(v, e.shape[0], e.shape[1], count) for v, e in zip(values, parts, strict=True))
+    F_e, F_x, F_u, F_w, H_x, H_e, H_w = (matrices(v, *e.shape) for v, e in zip(values, parts, strict=True))
     right = np.concatenate([F_x, F_u, F_w], axis=2)
     slopes = np.zeros_like(right)
     usable = np.flatnonzero(np.abs(np.linalg.det(F_e)) > 0)
@@ -211,11 +211,6 @@ def _legendre_integral(order: int, tau: Array) -> Array:
         return np.asarray(tau, dtype=np.float64)
     P = np.polynomial.legendre.legvander(2.0 * tau - 1.0, order + 1).T
     return np.asarray((P[order + 1] - P[order - 1]) / (2.0 * (2.0 * order + 1.0)), dtype=np.float64)
-
-
-def _stacked(entries: Array, rows: int, columns: int, count: int) -> Array:
-    """Matrices column by column, (columns * rows, count) -> (count, rows, columns)."""
-    return np.ascontiguousarray(entries.reshape(columns, rows, count).transpose(2, 1, 0))
 
 
 def _t(matrices: Array) -> Array:

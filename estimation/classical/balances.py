@@ -10,7 +10,7 @@ import numpy as np
 
 from backsight.models.errors import InputError
 from backsight.models.simulation.simulate import sharp_values
-from backsight.ocp.columnwise import Columnwise
+from backsight.ocp.columnwise import Columnwise, matrices
 
 from ..problem import Problem
 from ..wording import listed
@@ -31,7 +31,7 @@ class Balances:
     def along(self, motion: Motion) -> tuple[Array, Array]:
         """F (M, r) and F_p (M, r, p) at the guesses of the free parameters."""
         F, slope = self.function(motion.dx, motion.x, motion.z, motion.u, self.values, motion.t[None, :])
-        return F.T, slope.reshape(-1, len(self.rows), len(motion.t)).transpose(2, 1, 0)
+        return F.T, matrices(slope, len(self.rows))
 
 
 def linear_balances(problem: Problem, method: str) -> Balances:

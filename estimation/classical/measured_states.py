@@ -20,7 +20,7 @@ import numpy as np
 from backsight.models import Dae
 from backsight.models.errors import InputError
 from backsight.ocp.algebraic import algebraics_along
-from backsight.ocp.columnwise import Columnwise
+from backsight.ocp.columnwise import Columnwise, matrices
 
 from ..problem import Problem
 from ..recordings.drive import Hold
@@ -86,11 +86,11 @@ def invert_outputs(problem: Problem, used: Sequence[int], y: Array, std: Array, 
     h = dae.output[list(used)] / ca.DM(std)
     answers = [ca.densify(h), ca.densify(ca.vec(ca.jacobian(h, dae.x)))]
     function = Columnwise(ca.Function("shown", [dae.x, dae.p, dae.t], answers), (1,))
-    n, nx = y.shape[1], dae.x.shape[0]
+    n = y.shape[1]
     x = np.repeat(np.array([[q.start] for q in dae.states], dtype=np.float64), n, axis=1)
     for _ in range(NEWTON_STEPS):
         value, slope = function(x, problem.values, times[None, :])
-        H = slope.reshape(nx, len(used), n).transpose(2, 1, 0)
+        H = matrices(slope, len(used))
         inverse = np.linalg.pinv(H, rcond=1e-10)
         step = np.einsum("kij,jk->ik", inverse, y / std[:, None] - value)
         x = x + step

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from backsight.ocp import Solution
-from backsight.ocp.columnwise import Columnwise
+from backsight.ocp.columnwise import Columnwise, matrices
 from backsight.ocp.follow import Followed
 
 from ..recordings.recording import Recording
@@ -40,8 +40,7 @@ def undriven_rates(solution: Solution, pieces: Sequence[Recording]) -> dict[str,
         x[coloured] = 0.0  # residual forces too, with a memory
         n = len(horizon.time)
         J, F = function(dx, x, z, horizon.input_at(horizon.time), solution.parameters, horizon.clock + horizon.time[None])
-        size = len(F)
-        J = J.reshape(size, size, n).transpose(2, 1, 0)
+        J = matrices(J, len(F))
         usable = np.abs(np.linalg.det(J)) > 0
         rates = np.full((n, len(dx)), np.nan)
         rates[usable] = dx.T[usable] - np.linalg.solve(J[usable], F.T[usable, :, None])[:, : len(dx), 0]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from backsight.ocp import columnwise
-from backsight.ocp.columnwise import FEWEST, OPERATIONS, REPAYS, STRIP, Columnwise
+from backsight.ocp.columnwise import FEWEST, OPERATIONS, REPAYS, STRIP, Columnwise, matrices
 
 RNG = np.random.default_rng(0)
 
@@ -95,3 +95,26 @@ def test_an_argument_may_be_empty():
     values = RNG.normal(size=(2, REPAYS))
     for _ in range(2):
         np.testing.assert_allclose(wide(values, np.empty(0))[0], 2 * values)
+
+
+@pytest.mark.parametrize("repays", [REPAYS, np.inf])
+def test_numbers_of_columns_may_change_from_call_to_call(repays, monkeypatch):
+    monkeypatch.setattr(columnwise, "REPAYS", repays)
+    f = everything()
+    wide = Columnwise(f, (1,))
+    for count in (0, 1500, 700, 513, 600, 900, 1024, 1, 3, 0):
+        x, p, y = at(count)
+        for got, wanted in zip(wide(x, p, y), by_map(f, x, p, y) if count else f(np.ones(3), p, np.ones(2)), strict=True):
+            assert got.shape == (wanted.shape[0], count)
+            if count:
+                np.testing.assert_allclose(got, wanted, rtol=1e-13, atol=1e-13)
+    programs = wide._mapped if repays == np.inf else wide._bound
+    assert len(programs) <= 5
+
+
+def test_matrices_of_their_entries():
+    M = ca.SX.sym("M", 2, 3)
+    values = RNG.normal(size=(5, 2, 3))
+    (entries,) = Columnwise(ca.Function("entries", [ca.vec(M)], [ca.vec(M)]))(np.array([m.ravel(order="F") for m in values]).T)
+    np.testing.assert_array_equal(matrices(entries, 2), values)
+    assert matrices(np.empty((0, 5)), 0, 3).shape == (5, 0, 3)

@@ -7,8 +7,7 @@ Windows in which a step is too coarse, as where a friction changes its sign, tak
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from backsight.models import Dae
 from backsight.models.simulation.radau import tableau
+from backsight.ocp.columnwise import Columnwise
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = NDArray[np.int64]
@@ -48,34 +48,6 @@ class Cell:
         return Cell(t=self.t[of], h=self.h[of], first=self.first[:, of], second=self.second[:, of])
 
 
-@dataclass
-class Mapped:
-    """A function of one column each, called for many at once; numbers of columns are rounded up, so that few programs are made."""
-
-    function: ca.Function
-    made: dict[int, ca.Function] = field(default_factory=dict)
-
-    def __call__(self, *arguments: Array) -> list[Array]:
-        wanted = arguments[0].shape[1]
-        count = 1 << max(0, int(np.ceil(np.log2(max(wanted, 1)))))
-        if count not in self.made:
-            self.made[count] = self.function.map(count)
-        padded = [np.concatenate([a, np.repeat(a[:, :1], count - wanted, axis=1)], axis=1) if wanted else a for a in arguments]
-        function = self.made[count]
-        given = [np.ascontiguousarray(a.T, dtype=np.float64).ravel() for a in padded]
-        out = [np.empty(function.size1_out(i) * function.size2_out(i)) for i in range(function.n_out())]
-        called: Any = function.buffer()
-        buffer, evaluate = called
-        for i, a in enumerate(given):
-            if a.size:
-                buffer.set_arg(i, a.data)
-        for i, a in enumerate(out):
-            if a.size:
-                buffer.set_res(i, a.data)
-        evaluate()
-        return [a.reshape(count, function.size1_out(i)).T[:, :wanted] for i, a in enumerate(out)]
-
-
 class Step:
     """One step of all windows; size (nx,): of the states, to which errors are relative."""
 
@@ -87,8 +59,8 @@ class Step:
         symbols = [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t]
         F = dae.undisturbed(dae.residual)
         parts = [ca.jacobian(F, dae.dx), ca.jacobian(F, dae.x), ca.jacobian(F, dae.z)]
-        self.residual = Mapped(ca.Function("F", symbols, [ca.densify(F)]))
-        self.slopes = Mapped(ca.Function("dF", symbols, [ca.densify(ca.vec(part)) for part in parts]))
+        self.residual = Columnwise(ca.Function("F", symbols, [ca.densify(F)]))
+        self.slopes = Columnwise(ca.Function("dF", symbols, [ca.densify(ca.vec(part)) for part in parts]))
 
     def over(self, x: Array, k: Array, z: Array, cell: Cell, p: Array, depth: int = 0) -> tuple[Array, Array, Array]:
         """States at the end of the cell with their rates and algebraics; NaN where no solution was found."""

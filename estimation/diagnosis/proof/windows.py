@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backsight.models import Dae
+from backsight.ocp.columnwise import Columnwise
 
 from ...recordings.drive import acting, drive_of
 from ...recordings.recording import Recording
-from .steps import Cell, Mapped, Step
+from .steps import Cell, Step
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = NDArray[np.int64]
@@ -71,7 +72,7 @@ def _outputs(dae: Dae, step: Step, grid: _Grid, starts: Starts, taken: list[tupl
     u, t = grid.inputs[:, grid.cells[rows[there]]], _times(grid, rows[there])
     k, z = step.at(X[:, there], K[:, there], Z[:, there], u, p[:, there], t)
     function = ca.Function("outputs", [dae.dx, dae.x, dae.z, dae.u, dae.p, dae.t], [ca.densify(dae.undisturbed(dae.output))])
-    y[:, there] = Mapped(function)(k, X[:, there], z, u, p[:, there], t[None, :])[0]
+    y[:, there] = Columnwise(function)(k, X[:, there], z, u, p[:, there], t[None, :])[0]
     return np.asarray(y.reshape(len(y), count, -1).swapaxes(1, 2), dtype=np.float64)
 
 

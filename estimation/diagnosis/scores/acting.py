@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from backsight.ocp import Solution
+from backsight.ocp.columnwise import matrices
 
 from ...smoothing.begun import in_the_middles
 
@@ -47,7 +48,8 @@ class Acting:
             return cls(solution, (), np.zeros((count, places, 0)))
         slopes = ca.vertcat(ca.vec(ca.jacobian(F, y)), ca.vec(ca.jacobian(G, y)))
         told = np.nan_to_num(in_the_middles(solution, slopes), posinf=0.0, neginf=0.0)
-        F_y, G_y = (part.reshape(size, -1, count).transpose(2, 1, 0) for part in np.split(told, [places * size]))
+        told_F, told_G = np.split(told, [places * size])
+        F_y, G_y = matrices(told_F, places), matrices(told_G, len(exact))
         return cls(solution, tuple(k for k, _ in exact), -F_y @ np.linalg.pinv(G_y, rcond=LEAST))
 
     def mean(self, rows: Mapping[str, Array]) -> Array:
