@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -260,6 +260,14 @@ class Smoothing:
         """The largest factor, over recordings and outputs, by which stated deviations may be too small (`OutputFit.overstated`)."""
         fits, level = [f for outputs in self.fit.values() for f in outputs.values()], self.doubted
         return max((f.overstated for f in fits if f.whiteness_p is not None and f.whiteness_p <= level), default=1.0)
+
+    def covariance(self, parameters: Sequence[str]) -> Array:
+        """Of estimated constants, (n, n) [their units]. Raises ValueError where one has no deviation."""
+        std = [self.parameters[name].std for name in parameters]
+        if None in std:
+            raise ValueError(f"{parameters[std.index(None)]}: it has no deviation")
+        sizes = np.array(std, dtype=np.float64)
+        return np.asarray(self.correlation.loc[list(parameters), list(parameters)].to_numpy(float) * np.outer(sizes, sizes))
 
     def value(self, parameter: str) -> float:
         """A parameter's value [its unit]; of one that every recording has of its own the mean over them."""

@@ -77,7 +77,7 @@ def diagnose(
         as_said = based(steadied, asking=True)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
-        steadied, as_said, loud = _with_noise_as_shown(steadied, as_said, based)
+        steadied, as_said, loud = _quieter(steadied, as_said, based)
         now, straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
             standing=Standing(problem=now.problem, model=problem.model, result=now.result),
@@ -163,7 +163,7 @@ def diagnose(
     )
 
 
-def _with_noise_as_shown(problem: Problem, found: AsItIs, based: Callable[[Problem], AsItIs]) -> tuple[Problem, AsItIs, str]:
+def _quieter(problem: Problem, found: AsItIs, based: Callable[[Problem], AsItIs]) -> tuple[Problem, AsItIs, str]:
     """Problem and model as it is with noise as its samples show it, where that has far less and the model comes to rest with it."""
     held, said = with_noise_as_shown(problem, found.result)
     if not said:

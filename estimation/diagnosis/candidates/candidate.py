@@ -222,11 +222,6 @@ class Candidate:
         """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""
         return len({*self.strengths, *self.start}) - len(self.absorbs) + (self.onset is not None)
 
-    @property
-    def plainness(self) -> tuple[int, int, bool]:
-        """The least is named first of those that no recording can tell apart."""
-        return self.rank, self.size, not self.stated
-
     def neutral(self, name: str) -> float:
         """The value of a parameter at which there is no effect."""
         if name in self.without:

@@ -25,9 +25,7 @@ def more_probable_at(result: Smoothing, values: Mapping[str, float]) -> float:
         raise ValueError("a result without criteria has no evidence to compare")
     names = list(values)
     d = np.array([values[n] - result.parameters[n].value for n in names])
-    std = np.array([result.parameters[n].std for n in names], dtype=np.float64)
-    C = result.correlation.loc[names, names].to_numpy(float) * np.outer(std, std)
-    return 0.5 * len(names) * float(np.log(result.criteria.samples)) - 0.5 * float(d @ np.linalg.solve(C, d))
+    return 0.5 * len(names) * float(np.log(result.criteria.samples)) - 0.5 * float(d @ np.linalg.solve(result.covariance(names), d))
 
 
 def more_probable_alike(result: Smoothing, one: str, other: str) -> float:
@@ -35,8 +33,6 @@ def more_probable_alike(result: Smoothing, one: str, other: str) -> float:
     if result.criteria is None:
         raise ValueError("a result without criteria has no evidence to compare")
     a, b = (result.parameters[n] for n in (one, other))
-    if a.std is None or b.std is None:
-        raise ValueError(f"{one} and {other}: parameters without deviations are no numbers to compare")
-    r = float(result.correlation.loc[[one], [other]].to_numpy(float)[0, 0])
-    variance = max(a.std**2 + b.std**2 - 2.0 * r * a.std * b.std, ROUNDING * (a.std**2 + b.std**2))
+    C = result.covariance([one, other])
+    variance = float(max(C[0, 0] + C[1, 1] - 2.0 * C[0, 1], ROUNDING * (C[0, 0] + C[1, 1])))
     return 0.5 * float(np.log(result.criteria.samples)) - 0.5 * (a.value - b.value) ** 2 / variance

@@ -209,7 +209,7 @@ def plainness(c: Candidate, change: Sequence[float] | Array) -> tuple[int, ...]:
     """
     by = [(c.neutral(name), a) for name, a in zip(c.strengths, change, strict=True)] if c.family == "parameter" else []
     far = any(was != 0.0 and not 1.0 / HARDLY <= (was + a) / was <= HARDLY for was, a in by)
-    return (int(far), *map(int, c.plainness))
+    return int(far), c.rank, c.size, int(not c.stated)
 
 
 def sound(c: Candidate, f: Fitted) -> bool:
@@ -305,10 +305,9 @@ def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Exp
             continue
         apart, std = abs(both[0].value - both[1].value) / 2, None
         if both[0].std is not None and both[1].std is not None:
-            r = float(result.correlation.loc[[c.named[plus]], [c.named[minus]]].to_numpy(float)[0, 0])
-            squares, product = both[0].std ** 2 + both[1].std ** 2, 2 * r * both[0].std * both[1].std
-            std = float(np.sqrt(squares + product)) / 2
-            apart -= DOUBTS * float(np.sqrt(max(squares - product, 0.0))) / 2
+            C = result.covariance([c.named[plus], c.named[minus]])
+            std = float(np.sqrt(C.sum())) / 2
+            apart -= DOUBTS * float(np.sqrt(max(C[0, 0] + C[1, 1] - 2 * C[0, 1], 0.0))) / 2
         if apart >= FLOOR * force:
             continue
         level = Strength(value=(both[0].value + both[1].value) / 2, std=std, unit=both[0].unit)

@@ -18,7 +18,7 @@ from ..answer.words import UNKNOWN
 from ..candidates.candidate import Candidate
 from ..evidence.latent import Latent, without_force
 from ..evidence.worth import Worth
-from ..scores.shares import Sizes, limits
+from ..scores.shares import Sizes, left_over, limits
 from .choice import CLEAR, chosen, idle
 from .elimination import Bare
 from .findings import verdict
@@ -97,7 +97,7 @@ class Search:
     @property
     def most_left(self) -> float:
         """The largest share of the forces at a place that is left over."""
-        return self._sizes.most
+        return max(left_over(self.problem, self.result).values(), default=self._sizes.most)
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.

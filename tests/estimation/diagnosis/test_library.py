@@ -12,6 +12,7 @@ from neutral import Point
 from backsight.estimation import Free, smooth
 from backsight.estimation.diagnosis.candidates.candidate import Candidate, Insert
 from backsight.estimation.diagnosis.candidates.library import _kinematic, _said, _tilting, _uneven, library
+from backsight.estimation.diagnosis.search.choice import plainness
 from backsight.models import Model, Parameter, compile_model
 from backsight.models.mechanics.rotational import AngleSensor, Gear, Inertia, Rack
 from backsight.models.mechanics.translational import Mass
@@ -58,8 +59,8 @@ def test_a_mass_that_the_study_says_is_nothing_is_doubted_before_numbers_of_the_
     problem = replace(problem, parameters={**problem.parameters, "carriage.m": given})
     added, spring = (_said(next(c for c in found if c.physics == word), problem, problem.model) for word in ("added_mass", "spring"))
     default = Candidate(place="screw", family="parameter", physics="wrong_parameter", strengths=("screw.k",))
-    assert (added.plainness < default.plainness) is is_said
-    assert spring.plainness > default.plainness
+    assert (plainness(added, [0.0]) < plainness(default, [0.0])) is is_said
+    assert plainness(spring, [0.0]) > plainness(default, [0.0])
 
 
 @pytest.mark.parametrize(("suspects", "together"), [(("Ixx", "Iyy", "Izz"), True), (("Ixx", "Izz"), False)])
