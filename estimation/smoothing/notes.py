@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +42,7 @@ OFF = 1.25  # factor between prediction errors and what the weights promise
 STRANGE, SURE = 30.0, 3.0  # times a guess, and deviations of it from zero, from which on a unit may be wrong
 FEW = 3.0  # numbers for every unknown that an estimate needs at least
 FAR = 3.0  # times an output's noise in the model, or a third of it, is worth a word
+SILENT = "no force can be told from none there; the data would take less than std {}, the least tried: deviations may be too large."
 
 
 def notes(
@@ -243,11 +244,17 @@ def on_residuals(residuals: Mapping[str, ResidualSummary], silent: Collection[st
 def _on_the_start(problem: Problem, run: Run) -> list[str]:
     dae, found = problem.dae, []
     parameters = run.choice.solution.parameters
-    for i, info in enumerate(dae.parameters):
-        if info.smoothing and info.name not in problem.parameters and parameters[i] != info.value:
-            found.append(
-                f"{info.name} was chosen: {parameters[i]:.3g} {info.unit}, one percent of the rms velocity there, or less where it rests."
-            )
+    widths = {
+        info.name: f"{parameters[i]:.3g} {info.unit}"
+        for i, info in enumerate(dae.parameters)
+        if info.smoothing and info.name not in problem.parameters and parameters[i] != info.value
+    }
+    if widths:
+        were = "was" if len(widths) == 1 else "were"
+        found.append(
+            f"{listed([*widths])} {were} chosen: {listed([*widths.values()])}, one percent of the rms velocity there, or less where it "
+            "rests."
+        )
     unseen = unseen_states(problem)
     if unseen and problem.free:
         found.append(f"No output shows {', '.join(unseen)}: it started from the model at the guesses, on which the answer may depend.")
@@ -259,20 +266,17 @@ def _on_forces(problem: Problem, run: Run, silent: Collection[str]) -> list[str]
     t = choice.solution.transcription
     if not t.soft and dae.places:
         found.append("W leaves the residual forces no room: every balance was made to hold exactly.")
+    alike = dict[str, list[tuple[str, str]]]()
     for k, s in zip(t.soft, choice.force_std, strict=True):
         place = dae.places[k]
         std = f"{s:.3g} {place.unit if place.name in problem.weights.tau else per_root_bandwidth(place.unit)}"
         if place.name in problem.weights.W:
-            found.append(f"W of {place.name}: std {std} as given{colour(problem, place.name)}.")
+            alike.setdefault(f"std {{}} as given{colour(problem, place.name)}.", []).append((place.name, std))
         elif place in problem.dae.places:
             end = "" if choice.settled else "; it had not settled"
-            if place.name in silent:
-                found.append(
-                    f"W of {place.name}: no force can be told from none there; std {std} is the floor on which it ended, "
-                    "and the data would take less: stated deviations may be too large."
-                )
-                continue
-            found.append(f"W of {place.name}: std {std} from what the fit leaves over, iterated {choice.rounds} times{end}.")
+            shown = f"std {{}} from what the fit leaves over, iterated {choice.rounds} times{end}."
+            alike.setdefault(SILENT if place.name in silent else shown, []).append((place.name, std))
+    found += _of_several("W", alike)
     if run.remeshed:
         found.append(
             "The weights from the data moved far from the first ones: the mesh was chosen anew for them, and they once more on it."
@@ -335,12 +339,12 @@ def _on_far_ones(problem: Problem, solution: Solution) -> list[str]:
 
 
 def _on_outputs(problem: Problem, run: Run) -> list[str]:
-    found = []
+    found, alike = list[str](), dict[str, list[tuple[str, str]]]()
     for i, q in enumerate(problem.dae.outputs):
         recordings = [k for k, table in enumerate(run.stds) if q.name in table]
         if not recordings:
             continue
-        said: dict[str, list[str]] = {}
+        said: dict[tuple[str, str], list[str]] = {}
         given = [k for k in recordings if _noise_is_given(problem, k, q.name)]
         told = [*given, *(k for k in recordings if q.name in run.open_outputs[k])]
         for k in recordings:
@@ -348,17 +352,24 @@ def _on_outputs(problem: Problem, run: Run) -> list[str]:
             if q.name in run.open_outputs[k]:
                 end = "" if run.choice.settled else "; it had not settled"
                 rule = f"from the samples' differences, then from what the fit leaves over{end}"
-            said.setdefault(f"std {run.noise(k, q.name, i):.3g} {q.unit} {rule}", []).append(problem.fitted[k].title)
-        several = len(said) > 1
-        parts = [f"{rule} ({listed(names)})" if several else rule for rule, names in said.items()]
-        found.append(f"V of {q.name}: {'; '.join(parts)}.")
+            said.setdefault((f"{run.noise(k, q.name, i):.3g} {q.unit}", rule), []).append(problem.fitted[k].title)
+        if len(said) > 1:
+            parts = (f"std {std} {rule} ({listed(names)})" for (std, rule), names in said.items())
+            found.append(f"V of {q.name}: {'; '.join(parts)}.")
+        for std, rule in [*said] if len(said) == 1 else ():
+            alike.setdefault(f"std {{}} {rule}.", []).append((q.name, std))
         chosen = [run.noise(k, q.name, i) for k in recordings if q.name in run.open_outputs[k]]
         if q.noise_std and chosen and abs(np.log(chosen[0] / q.noise_std)) > np.log(FAR):
             found.append(
                 f"The noise of {q.name}, {chosen[0]:.3g} {q.unit}, is {chosen[0] / q.noise_std:.2g} times what the model itself supposes, "
                 f"{q.noise_std:.3g} {q.unit}: look at its residuals."
             )
-    return found
+    return _of_several("V", alike) + found
+
+
+def _of_several(letter: str, alike: Mapping[str, Sequence[tuple[str, str]]]) -> list[str]:
+    """A sentence for all weights of which the same can be said: what that is -> their names and deviations, in words."""
+    return [f"{letter} of {listed([n for n, _ in of])}: {words.format(listed([std for _, std in of]))}" for words, of in alike.items()]
 
 
 def _noise_is_given(problem: Problem, number: int, output: str) -> bool:

@@ -8,6 +8,7 @@ What is recommended is smoothed once more as a user would.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -162,9 +163,9 @@ def _of_the_fit(found: Weighing) -> list[str]:
     """
     none = [label.removeprefix("W of ") for label, c in found.components.items() if label.startswith("W of ") and c.may_be_none]
     none = none if found.chosen == LIKELIHOOD else []
-    told = tuple(f"{label}: std" for label in found.components) + tuple(f"residual.{place} " for place in none)
+    told = tuple(f"residual.{place} " for place in none)
     told += tuple(f"{label.removeprefix('drift of ')} drifts by " for label in found.components if label.startswith("drift of "))
-    return [note for note in found.recommended.notes if not note.startswith(told)]
+    return [note for note in found.recommended.notes if not note.startswith(told) and not re.match("[WV] of [^:]*: std", note)]
 
 
 def _moves(outcomes: Sequence[Outcome]) -> dict[str, dict[str, tuple[float, float]]]:

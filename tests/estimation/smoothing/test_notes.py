@@ -16,7 +16,7 @@ from backsight.estimation import Free, Known, Problem, Recording, Settings, Weig
 from backsight.estimation.recordings.gaps import rates_note, seconds_note
 from backsight.estimation.results import Companion, Memory, OutputFit, ResidualSummary, doubted
 from backsight.estimation.smoothing.marginal import UNMOVED
-from backsight.estimation.smoothing.notes import _on_nothing_settled, _on_rates, on_errors, on_residuals
+from backsight.estimation.smoothing.notes import _of_several, _on_nothing_settled, _on_rates, on_errors, on_residuals
 from backsight.models import Dae
 from backsight.models.plants import actuator
 from backsight.ocp import Options
@@ -291,3 +291,8 @@ def test_a_given_weight_that_is_too_large_is_named_and_no_memory_is_seen(times):
 def test_numbers_of_a_way_that_came_to_no_end_are_said_to_mislead(settled, said, told):
     run = SimpleNamespace(choice=SimpleNamespace(settled=settled), said=said)
     assert ["mislead" in note for note in _on_nothing_settled(run)] == ([True] if told else [])
+
+
+def test_weights_of_which_the_same_can_be_said_have_one_sentence():
+    alike = {"std {} as given.": [("a", "1 N"), ("b", "2 N"), ("c", "3 m")], "std {} from elsewhere.": [("d", "4 N")]}
+    assert _of_several("W", alike) == ["W of a, b and c: std 1 N, 2 N and 3 m as given.", "W of d: std 4 N from elsewhere."]
