@@ -25,6 +25,7 @@ FINEST = 60.0  # periods in the span of the positions up to which all are looked
 SLOWEST, FASTEST = 0.01, 1.0  # velocities at which friction may change, over the rms
 SHAPES = 7
 STOPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)  # of the way: where a stop begins
+RESTS = 9  # positions at which a spring may rest
 SWUNG = 1.0  # rad: of less a weight beside the axis is a constant and a spring; over a turn and more it is what comes with every turn
 SOFT = 1e-14  # N/m or N.m/rad: a stop that is none
 
@@ -99,6 +100,14 @@ def _stops(motion: Motion, end: float, other: float) -> tuple[float, ...]:
     return tuple(float(end + share * (other - end)) for share in STOPS) if motion.span > 0 else ()
 
 
+def _rests(motion: Motion) -> tuple[float, ...]:
+    """Positions at which a spring may rest, on the way and beyond: evenly spaced in what is constant of its force over what varies."""
+    if not motion.span > 0:
+        return ()
+    angles = (np.arange(RESTS) + 0.5) * pi / RESTS - pi / 2
+    return tuple(float(p) for p in (motion.low + motion.high) / 2 + motion.span / 2 * np.tan(angles))
+
+
 def _component(slide: str, turn: str, **values: float) -> Callable[[str], Component]:
     def make(kind: str) -> Component:
         made: Component = getattr(sliding, slide)(**values) if kind == "translational" else getattr(turning, turn)(**values)
@@ -109,7 +118,7 @@ def _component(slide: str, turn: str, **values: float) -> Callable[[str], Compon
 
 # word of a sliding law -> that of a turning one
 TURNED = {"f_c": "tau_c", "f_s": "tau_s", "v_s": "omega_s", "f_plus": "tau_plus", "f_minus": "tau_minus"}
-TURNED |= {"f": "tau", "m": "J"}
+TURNED |= {"f": "tau", "m": "J", "s_rel0": "phi_rel0"}
 
 AGAINST_GROUND: tuple[Law, ...] = (
     Law(family="friction", physics="viscous_friction", make=_component("Friction", "RotationalFriction"), strengths=("d",)),
@@ -181,6 +190,16 @@ AGAINST_GROUND: tuple[Law, ...] = (
     Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False),
     Law(
         family="potential",
+        physics="spring",
+        make=_component("Spring", "RotationalSpring", k=0.0),
+        strengths=("k",),
+        one_sided=False,
+        shapes=lambda m: {"s_rel0": _rests(m)},
+        instead={"Spring": ("k", "k"), "RotationalSpring": ("k", "k")},
+        label="spring_at_rest",
+    ),
+    Law(
+        family="potential",
         physics="cubic_spring",
         make=_component("CubicSpring", "RotationalCubicSpring"),
         strengths=("k3",),
@@ -229,7 +248,7 @@ def of_law(law: Law, model: Model, spot: Spot, motion: Motion, brought: Collecti
     """The law at a place. brought: components of the model that were candidates themselves."""
     component = rounded(law.make(spot.kind), motion)
     name = free_name(model, f"{law.label or law.physics}_{spot.name}")
-    words = (*law.strengths, "v_s", "period", "amplitude")
+    words = (*law.strengths, "v_s", "period", "amplitude", "s_rel0")
     own = {w: TURNED.get(w, w) if spot.kind == "rotational" else w for w in words}
     here = tuple({"d", own.get("f_c", "f_c"), "f_c", "tau_c", *(word for word, _ in law.instead.values())})
     there = at_hand(model, spot, here)

@@ -94,7 +94,7 @@ def formula(c, s: float, v: float, a: float, width: float, values: dict[str, flo
         "logarithmic_friction": {"b": sgn * np.log(abs(v) / 0.0254), "c": sgn},
         "position_dependent_friction": {"f_c": (1 + wave) * sgn},
         "cogging": {"amplitude": wave},
-        "spring": {"k": s},
+        "spring": {"k": s - sh.get("s_rel0", 0.0)},
         "cubic_spring": {"k3": s**3},
         "quadratic_drag": {"c": v * abs(v)},
         "constant_force": {"f": 1.0},
@@ -183,6 +183,11 @@ def test_shapes_hang_on_how_the_machine_moved():
     (coarse,) = by["position_dependent_friction"].shapes.values()
     assert set(coarse) < set(periods)
     assert min(coarse) > 0.8 / 12
+    (rests,) = by["spring_at_rest"].shapes.values()
+    assert np.mean(rests) == pytest.approx(0.1)
+    assert min(rests) < -0.3 - 0.8
+    angles = np.arctan((np.array(rests) - 0.1) / 0.4)  # of what is constant and what varies, for positions spread evenly over the way
+    assert np.diff(angles) == pytest.approx(np.pi / len(rests))
     still = Motion(v_rms=0.2, low=0.1, high=0.1)
     law = next(law for law in AGAINST_GROUND if law.physics == "cogging")
     (none,) = of_law(law, model, spot, still).shapes.values()
