@@ -15,10 +15,13 @@ FOLDERS = {"models": Path(models.__file__).parent, "ocp": Path(ocp.__file__).par
 
 @lru_cache
 def code_of(*parts: str) -> str:
-    """The version of the package and the text of these folders of it: "models", "ocp", or one of the estimation, such as "smoothing"."""
+    """The version of the package and the text of these folders of it: "models", "ocp", or one of the estimation, such as "smoothing".
+
+    "" is the estimation itself without its folders.
+    """
     found = hashlib.sha256(version("backsight").encode())
     for part in parts:
         folder = FOLDERS.get(part, HERE / part)
-        for path in sorted(folder.rglob("*.py")):
+        for path in sorted(folder.rglob("*.py") if part else folder.glob("*.py")):
             found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
     return found.hexdigest()

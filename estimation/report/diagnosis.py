@@ -144,7 +144,7 @@ def _what(found: Diagnosis) -> str:
 
 def _finding(f: Finding) -> list[tuple[str, str]]:
     share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} % of the force there"
-    others = [f"{e.words} (lacks {number(e.gap, 3)} nats)" for e in f.alternatives]
+    others = [f"{e.words} (lacks {number(e.gap, 3)} nats)" if e.gap else e.words for e in f.alternatives]
     pairs = [
         ("strength", numbers(f.explanation.parameters) or NOTHING),
         ("acts", when(f)),
@@ -177,7 +177,7 @@ def _tried(found: Diagnosis) -> str:
     ]
     head = ["effect", "place", "gain foreseen [nats]", "gain when fitted [nats]", "what became of it"]
     more = len(found.tried) - LISTED
-    note = f"<p class=note>{more} more were tried and promised less.</p>" if more > 0 else ""
+    note = f"<p class=note>{more} more were tried, in later rounds.</p>" if more > 0 else ""
     return table(head, rows, words=(0, 1, 4), codes=(1,)) + note
 
 

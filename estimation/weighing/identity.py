@@ -19,7 +19,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 GRID = TOLERANCE  # what a solve leaves open anyhow
 DIGITS = 6
-CODE = ("ocp", "smoothing", "weighing")  # that a solve goes through; a model is told by its equations
+CODE = ("", "ocp", "smoothing", "weighing")  # that a solve goes through; a model is told by its equations
 
 
 def identity(fitted: Turned, held_out: Turned | None, start: Array) -> str:

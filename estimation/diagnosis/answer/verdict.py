@@ -186,8 +186,8 @@ class HeldOut:
 class Diagnosis:
     """The answer. before: the model as declared, smoothed; after: with the findings in it (the same where there are none).
 
-    tried: every candidate, best first. mismatch: the residual forces before and after the repair. seed: as it was given. repaired: the
-    problem with the findings in its model; `model` has the numbers that were found, too.
+    tried: every candidate, round by round, best first. mismatch: the residual forces before and after the repair. seed: as it was given.
+    repaired: the problem with the findings in its model; `model` has the numbers that were found, too.
     """
 
     verdict: Class

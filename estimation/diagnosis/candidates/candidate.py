@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -145,8 +145,8 @@ class Candidate:
     edits: give the model its component, without effect while the strengths are what they are there. strengths: parameters in which the
     effect is linear; one_sided: physics does not let them be negative. shapes: parameter -> values at which the effect is looked at, all of
     one length. quadrature: a phase; the effect is looked at with it zero and pi/2. start: further parameters that are free in a fit
-    -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing.
-    without: strength -> its value there, where no component that comes in tells it.
+    -> (guess, least, largest). absorbs: parameter of the base model -> the strengths that take its part over; it is then nothing, and
+    stays what it is where there are none. without: strength -> its value there, where no component that comes in tells it.
     named: parameter of the finding -> that of the model. signals: looked at instead of strengths, where the component has a memory.
     ratio: parameter that stands for the two strengths of a quadrature over what the strength absorbs. wave: (strength, position): the
     effect is that strength's times a sine of 2 pi position over the one shape; no component is needed to look at it. larger: two strengths
@@ -197,6 +197,12 @@ class Candidate:
         own = set(other.strengths or other.named.values())
         return self.exchanges(other) or (bool(own) and own <= set(self.absorbs))
 
+    def with_all_of(self, others: Iterable[Candidate], parameters: Mapping[str, object]) -> Candidate:
+        """The same with all that others, which it takes over wholly, brought of these parameters, as they are: where a spring rested."""
+        gone = [o for o in others if not self.exchanges(o) and self.replaces(o)]
+        dead = {n: "" for o in gone for n in (*o.start, *o.later) if n in parameters and n not in self.absorbs}
+        return replace(self, absorbs={**self.absorbs, **dead}) if dead else self
+
     def exchanges(self, other: Candidate) -> bool:
         """Whether the component that another one brought, or put in the place of the declared one, is exchanged."""
         components = {path.partition(".")[0] for path in other.named.values()}
@@ -221,6 +227,20 @@ class Candidate:
     def size(self) -> int:
         """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""
         return len({*self.strengths, *self.start}) - len(self.absorbs) + (self.onset is not None)
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Least and largest value of a parameter, as it and the component that it comes with have them.
+
+        Of what takes over a law of the model, whose strength comes on top, those of the component say nothing.
+        """
+        _, low, high = self.start.get(name, (0.0, -np.inf, np.inf))
+        if any(name in names.split() for names in self.absorbs.values()):
+            return low, high
+        owner, _, word = name.partition(".")
+        for part in (e.component for e in self.edits if isinstance(e, Insert) and e.name == owner):
+            if (declared := part.declared_parameters.get(word)) is not None:
+                low, high = max(low, declared.min), min(high, declared.max)
+        return low, high
 
     def neutral(self, name: str) -> float:
         """The value of a parameter at which there is no effect."""

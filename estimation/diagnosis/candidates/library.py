@@ -215,7 +215,7 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
     found = []
     for info, value in zip(dae.parameters, values, strict=True):
         owner = info.name.partition(".")[0]
-        given = problem.parameters.get(info.name)
+        given = problem.parameters.get(info.name.partition(" [")[0])  # one that every recording has of its own is given once
         if isinstance(given, Free) or info.smoothing or value == 0 or owner in {*reading, *brought} or info.unit == "rad":
             continue
         if given is None and not _told(info.name, model):

@@ -44,7 +44,7 @@ class Acting:
         y = ca.vertcat(dae.z, *(dae.x[i] for i in sorted(rates - positions)))
         F = dae.undisturbed(dae.residual[balances])
         count, places, size = len(t.nlp.steps), len(balances), y.shape[0]
-        if not exact or not size:
+        if not (exact and size and places):
             return cls(solution, (), np.zeros((count, places, 0)))
         slopes = ca.vertcat(ca.vec(ca.jacobian(F, y)), ca.vec(ca.jacobian(G, y)))
         told = np.nan_to_num(in_the_middles(solution, slopes), posinf=0.0, neginf=0.0)

@@ -182,7 +182,7 @@ def beyond(s: Screened) -> bool:
     if c.quadrature:
         return float(np.hypot(*np.split(s.estimate, 2))[0]) > c.start.get(c.strengths[0], (0.0, -inf, inf))[2]
     for name, a in zip(c.strengths, s.estimate.tolist(), strict=True):
-        _, low, high = c.start.get(name, (0.0, -inf, inf))
+        low, high = c.bounds(name)
         if not low <= c.neutral(name) + a <= high:
             return True
     return False
@@ -243,8 +243,8 @@ def explaining(c: Candidate, s: Screened | None, f: Fitted) -> bool:
     return clear(s, f) and sound(c, f) and not (c.family in SIGNALS and f.result is not None and coloured(f.result))
 
 
-def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, ...]]]) -> T:
-    """Of fits (what it is, its score, nats gained, how plain), best first: the plainest of those that cannot be told from the best.
+def as_good(good: Sequence[tuple[T, Screened | None, float, tuple[int, ...]]]) -> list[T]:
+    """Of fits (what it is, its score, nats gained, how plain), best first: those that cannot be told from the best, the plainest first.
 
     What the best one leaves over tells how far: where that is not white, nats are worth less, and those are out of it that are worth much
     less than another one.
@@ -254,7 +254,7 @@ def simplest(good: Sequence[tuple[T, Screened | None, float, tuple[int, ...]]]) 
     near = [(one, gained / (usual if s is None else s.inflation), plain, gained) for one, s, gained, plain in good]
     near = [n for n in near if most - n[3] < RIVAL * usual]
     worth = max(n[1] for n in near)
-    return min((n for n in near if n[1] * MUCH_LESS >= worth), key=lambda n: (*n[2], -n[3]))[0]
+    return [n[0] for n in sorted((n for n in near if n[1] * MUCH_LESS >= worth), key=lambda n: (*n[2], -n[3]))]
 
 
 def idle(c: Candidate, result: Smoothing) -> bool:

@@ -58,22 +58,22 @@ def finding(
     found: Screen,
     sizes: Sizes,
     same: Sequence[Candidate] = (),
-    mending: Sequence[Candidate] = (),
+    as_good: Sequence[Candidate] = (),
 ) -> Finding:
     """The best of the fits of a round, with those that cannot be told from it and those that can.
 
-    same: some that cannot; mending: some that can, since with them more effects are needed.
+    same: some that could not be told beside it; as_good: some whose fits are. None with which more effects are needed.
     """
     c, s, f = best
     rivals, others, near = list[Explanation](), list[Explanation](), list[Screened | None]()
     for d, there, g in fits:
         if d.key == c.key:
             continue
-        gap = float(f.gain - g.gain)
+        gap, as_many = f.ends_with - g.ends_with, g.beside <= f.beside and (d.size <= c.size or g.ends_with > f.ends_with)
         if _left_open(best, (d, there, g)):
             rivals.append(explained(d, None))
             near.append(there)
-        elif d in same or (gap < RIVAL and sound(d, g) and d not in mending and (d.size <= c.size or gap < 0)):
+        elif d in same or (as_many and sound(d, g) and (gap < RIVAL or d in as_good)):
             rivals.append(explained(d, g.result, max(gap, 0.0) if d in same else gap))
             near.append(None if d in same else there)
         elif np.isfinite(gap):
@@ -92,7 +92,7 @@ def finding(
         share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,
         regime=EVERYWHERE if s is None or c.signals or began is not None else sizes.regime(s.look, s.estimate),
         onset=began,
-        alternatives=tuple(others),
+        alternatives=tuple(sorted(others, key=lambda e: e.gap)),
         rivals=tuple(rivals),
         separates=_separates(base, best, near),
     )
@@ -142,7 +142,8 @@ def _separates(base: Linearised, best: Judged, near: Sequence[Screened | None]) 
 
 def renewed(old: Finding, c: Candidate, result: Smoothing, sizes: Sizes) -> Finding:
     """A finding with the numbers that it has in a result, and the name that goes with these."""
-    now = evened(replace(old.explanation, parameters=explained(c, result).parameters), c, result, sizes.forces.get(c.place, 0.0))
+    named = replace(old.explanation, physics=c.physics, parameters=explained(c, result).parameters)
+    now = evened(named, c, result, sizes.forces.get(c.place, 0.0))
     rivals = tuple(r for r in old.rivals if r.key != now.key)
     there = old.regime if now.physics == old.explanation.physics else EVERYWHERE
     return replace(
@@ -221,4 +222,4 @@ def _change(c: Candidate, result: Smoothing | None) -> str:
     told = {} if result is None else _numbers(c, result)
     said = [*(edit.words for edit in c.edits), *(f"{p.name} = {p.value:.6g}" for p in told.values())]
     there = c.absorbs if result is None else result.parameters
-    return "; ".join([*said, *(f"{name} = 0" for name in c.absorbs if name in there and not name.startswith(PREFIX))])
+    return "; ".join([*said, *(f"{name} = 0" for name, by in c.absorbs.items() if by and name in there and not name.startswith(PREFIX))])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
@@ -21,8 +22,9 @@ from ...problem import Problem
 from ...results import Smoothing
 from ...whole_files import keep
 from ..candidates.candidate import Candidate
+from .refit import PATIENT
 
-CODE = ("models", "ocp", "recordings", "smoothing", "validation", "diagnosis")  # that a part goes through
+CODE = ("", "models", "ocp", "recordings", "smoothing", "validation", "diagnosis")  # that a part goes through; "": what all have in common
 DIGITS = 9  # of a number that tells one part from another
 
 
@@ -54,22 +56,27 @@ class Keep:
             keep(self.folder / f"{name}.part", pickle.dumps(part))
 
     def smoothed(self, name: str, smoothing: Callable[[], Smoothing]) -> Smoothing | None:
-        """A smoothing with its solution, which a result alone leaves behind in a file; None where it ran out of time."""
-        part = self.get(name)
+        """A smoothing with its solution, which a result alone leaves behind in a file; None where it ran out of time.
+
+        What the clock may have left where it was is not kept: another run, on a machine that has nothing else to do, may come to rest.
+        """
+        part, began = self.get(name), time.monotonic()
         if part is None:
             try:
                 result = smoothing()
             except OutOfTime:
                 return None
             part = result, result.solution
-            self.put(name, part)
+            if result.solver.converged or time.monotonic() - began < PATIENT.seconds:
+                self.put(name, part)
         found: Smoothing = replace(part[0], solution=part[1])
         return found
 
 
 def _of_problem(problem: Problem) -> str:
-    """What tells a problem from others: its equations, recordings, parameters and weights."""
+    """What tells a problem from others: its equations, with the numbers of its model, recordings, parameters and weights."""
     found = hashlib.sha256(problem.dae.function().serialize().encode())
+    found.update(repr((problem.dae.parameters, problem.dae.states, problem.dae.inputs, problem.dae.outputs, problem.dae.places)).encode())
     for r in problem.recordings:
         drive = {} if r.drive is None else {"drive": r.drive.time, **r.drive.inputs}
         for name, array in (("time", r.time), *r.inputs.items(), *r.outputs.items(), *drive.items()):

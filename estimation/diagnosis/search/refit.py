@@ -58,7 +58,8 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 class Fitted:
     """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time.
 
-    gain: nats over the model without it, and their doubt (`worth.py`) where no score tells what they are worth.
+    gain: nats over the model without it, and their doubt (`worth.py`) where no score tells what they are worth. spared: nats more in a
+    model without what was found before and is idle beside it; beside: how many effects stay.
     """
 
     candidate: Candidate
@@ -70,6 +71,13 @@ class Fitted:
     late: bool = False
     gain: float = -np.inf
     doubt: float = 0.0
+    spared: float = 0.0
+    beside: int = 0
+
+    @property
+    def ends_with(self) -> float:
+        """Nats gained in the end."""
+        return self.gain + self.spared
 
     @property
     def whole(self) -> Smoothing | None:
@@ -90,7 +98,7 @@ def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> floa
         return -np.inf
     total = c.log_evidence
     for info in problem.posed.dae.parameters:
-        found, given = result.parameters.get(info.name), problem.parameters.get(info.name)
+        found, given = result.parameters.get(info.name), problem.parameters.get(info.name.partition(" [")[0])
         if isinstance(given, Free) and given.std is None and found is not None and found.std and not found.on_bound:
             size = abs(info.nominal) or abs(info.value) or 1.0
             total += float(np.log(size / found.std) - 0.5 * np.log(2.0 * np.pi * c.samples))
@@ -120,9 +128,10 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
     places = [name for name in problem.weights.W if name in {p.name for p in compile_model(edited).dormant_places}]
     dae = with_those_of(problem, compile_model(edited, places=places) if places else compile_model(edited))
     info = {p.name: p for p in dae.parameters}
-    for base in candidate.absorbs:
+    for base, taken in candidate.absorbs.items():
+        given = parameters.get(base, 0.0)
         if base in info:
-            parameters[base] = 0.0
+            parameters[base] = 0.0 if taken else given.guess if isinstance(given, Free) else given
     for name in list(parameters):
         if name not in info:
             del parameters[name]
@@ -175,7 +184,7 @@ def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, 
         start[candidate.quadrature] = float(np.arctan2(second[0], first[0]))
         name = candidate.strengths[0]
         if candidate.ratio:
-            level = sum(values[base] for base in candidate.absorbs) or size
+            level = sum(values[base] for base, taken in candidate.absorbs.items() if taken) or size
             start[name], start[candidate.ratio] = level, min(size / level, 0.9) if level > 0 else 0.5
         else:
             start[name] = size
@@ -207,6 +216,7 @@ def fitted(
     begin = base.solution
     if begin is None:
         raise ValueError("a fit begins where a smoothing with its solution came to rest")
+    end = time.monotonic() + settings.seconds
     try:
         now, edited = posed(problem, model, candidate, start)
         there, stood = None if anew else Begun.of(begin, now), held_there(problem, now)
@@ -224,28 +234,40 @@ def fitted(
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
         if anew:
-            result = _gone_on(weighed, result, settings, ONWARD)
+            result = _gone_on(weighed, result, settings, ONWARD, end)
         if there is not None and (widths := _other_widths(now, result)):
             wider = replace(settings, widths=widths)
-            again = smoothing(settled(weighed, result), settings=wider, begin=there)
-            again = _gone_on(weighed, again, wider, 1)
-            result = again if again.solver.converged else result
+            again = _in_time(settled(weighed, result), wider, there, end)
+            again = again and _gone_on(weighed, again, wider, 1, end)
+            result = again if again is not None and again.solver.converged else result
         plain = candidate.dear and not result.solver.converged and _plainly_better(now, result, problem, base, settings)
         if plain:
-            result = _gone_on(weighed, result, settings, 1)
+            result = _gone_on(weighed, result, settings, 1, end)
     except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=not plain)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
 
 
-def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int) -> Smoothing:
+def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int, end: float) -> Smoothing:
     """A smoothing that goes on where its limit of iterations left it, until it comes to rest, so many times at most."""
     for _ in range(times):
         if result.solver.converged or result.solution is None:
             break
-        result = smoothing(settled(problem, result), settings=settings, begin=result.solution)
+        further = _in_time(settled(problem, result), settings, result.solution, end)
+        if further is None:
+            break
+        result = further
     return result
+
+
+def _in_time(problem: Problem, settings: Settings, begin: Solution | Begun, end: float) -> Smoothing | None:
+    """One more smoothing, in what is left of the time until `end` [s of `time.monotonic`]; None where that is not enough."""
+    left = end - time.monotonic()
+    try:
+        return smoothing(problem, settings=replace(settings, seconds=left), begin=begin) if left > 0 else None
+    except OutOfTime:
+        return None
 
 
 def _plainly_better(now: Problem, result: Smoothing, problem: Problem, base: Smoothing, settings: Settings) -> bool:

@@ -24,6 +24,7 @@ from ..scores.supermodel import looked_at
 from .choice import (
     CLEAR,
     LATE,
+    as_good,
     chosen,
     coloured,
     explaining,
@@ -31,7 +32,6 @@ from .choice import (
     inside_unseen,
     plainest_first,
     plainness,
-    simplest,
     sound,
     spare,
     steady,
@@ -52,14 +52,11 @@ NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a
 
 @dataclass(frozen=True, kw_only=True)
 class Best:
-    """What a round ends with: the fit that is kept, and candidates that nobody can tell from it.
-
-    mending: what leaves more of the effects at work that were found before.
-    """
+    """What a round ends with: the fit that is kept, candidates that nobody could tell beside it, and those whose fits are as good."""
 
     judged: Judged
     same: tuple[Candidate, ...]
-    mending: tuple[Candidate, ...] = ()
+    as_good: tuple[Candidate, ...] = ()
 
 
 @dataclass(kw_only=True)
@@ -88,6 +85,7 @@ class Round:
         problem, solution = bared(base.problem, base.result)
         linearised = Linearised(solution)
         candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
+        candidates = [c.with_all_of(accepted, problem.parameters) for c in candidates]
         looks = looked_at(problem, base.model, linearised, candidates)
         found = screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs)
         return cls(
@@ -127,14 +125,17 @@ class Round:
             return nearer
         if not good and hinted and alone:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
-        if not good:
-            return None
-        end = {id(f): self._in_the_end(f) for f in good}
-        best = simplest([(f, f[1], *end[id(f)]) for f in sorted(good, key=lambda f: -end[id(f)][0])])
-        same = indistinct(best, good)
-        best, same = min([best, *same], key=lambda f: (end[id(f)][1], -end[id(f)][0])), [best, *same]
-        mending = (f[0] for f in good if end[id(f)][1][0] > end[id(best)][1][0])
-        return Best(judged=self._set_in(best), same=tuple(f[0] for f in same), mending=tuple(mending))
+        return self._kept(good) if good else None
+
+    def _kept(self, good: list[Judged]) -> Best:
+        """The plainest of the fits that are borne out and as good as the best of them."""
+        good = sorted((self._in_the_end(fit) for fit in good), key=lambda fit: -fit[2].ends_with)
+        known = {id(fit[0]): fit for fit in good}
+        self.fitted = [known.get(id(fit[0]), fit) for fit in self.fitted]
+        near = as_good([(fit, fit[1], fit[2].ends_with, _plainness(fit)) for fit in good])
+        same = [near[0], *indistinct(near[0], good)]
+        best = min(same, key=lambda fit: (_plainness(fit), -fit[2].ends_with))
+        return Best(judged=self._set_in(best), same=tuple(fit[0] for fit in same), as_good=tuple(fit[0] for fit in near))
 
     def _fit_the_likely(self, now: Worth) -> None:
         """Fits of what the scores make likely, and of what they may not tell of."""
@@ -193,7 +194,7 @@ class Round:
             (own,), (path,) = c.named.values(), best[0].named.values()
             _, low, high = c.start[own]
             as_late = {own: float(np.clip(there.parameters[path].value, low, high))}
-            found.append((replace(s, look=replace(s.look, shape=as_late)), there))
+            found.append((replace(s, look=replace(s.look, shape=as_late), origin=s.origin or s), there))
         return found
 
     def _fit_where(self, wanted: Sequence[tuple[Candidate, Screened | None, Smoothing]], now: Worth) -> None:
@@ -276,16 +277,17 @@ class Round:
             return None
         return replace(self.base, problem=problem, result=again)
 
-    def _in_the_end(self, fit: Judged) -> tuple[float, tuple[int, ...]]:
-        """What a fit gains [nats], and how plain it is, in a model without what was found before and is idle beside it.
+    def _in_the_end(self, fit: Judged) -> Judged:
+        """A fit with what it gains in a model without what was found before and is idle beside it, and how many effects that has besides.
 
-        What takes the place of another effect is plainer than what mends that.
+        What takes the place of another effect is plainer than what mends that. A law that another one has become is there with that.
         """
-        c, _, f = fit
-        others = [] if f.result is None else [spare(a, f.result) for a in self.accepted if not c.replaces(a)]
-        gone = [nats for nats in others if nats > -CLEAR]
-        own = np.zeros(len(c.strengths)) if f.result is None else fitted_strengths(c, f.result)
-        return f.gain + sum(gone), (len(others) - len(gone), *plainness(c, own))
+        c, s, f = fit
+        if f.result is None:
+            return fit
+        result, others = f.result, [a for a in self.accepted if not c.replaces(a)]
+        gone = [nats for nats in (spare(a, result) for a in others) if nats > -CLEAR]
+        return c, s, replace(f, spared=sum(gone), beside=len(self.accepted) - len(gone))
 
     def _set_in(self, best: Judged) -> Judged:
         """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
@@ -310,7 +312,7 @@ class Round:
             more = f_again.worth.over(f.worth)
             if more < 0 or not sound(since, f_again):
                 return best
-            best = c, s, replace(f_again, gain=f.gain + more)
+            best = c, s, replace(f_again, gain=f.gain + more, spared=f.spared, beside=f.beside)
         return best
 
     def _explained(self, fits: list[Judged]) -> bool:
@@ -334,6 +336,13 @@ class Round:
             return left[place]
         joined = {merged.get(name, name) for name in joined_to(self.base.model, place)}
         return max((left[name] for name in joined if name in left), default=most)
+
+
+def _plainness(fit: Judged) -> tuple[int, ...]:
+    """What is kept first of those that are as good: the fewest effects, then the plainest candidate."""
+    c, _, f = fit
+    change = np.zeros(len(c.strengths)) if f.result is None else fitted_strengths(c, f.result)
+    return f.beside, *plainness(c, change)
 
 
 def _gained(fits: Sequence[Judged], now: Worth) -> list[Judged]:

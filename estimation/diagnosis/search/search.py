@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -55,7 +55,8 @@ class Search:
     compared: whether models could be; cut: what may be missing in the model as it stands, and whose fit had no time. moved: how often the
     model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model
     without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before:
-    what there was before the last effect was found. aside: what was taken back to be sought again with these weights.
+    what there was before the last effect was found. aside: what was taken back to be sought again with these weights. last_tried: in the
+    last round.
     """
 
     standing: Standing
@@ -63,6 +64,7 @@ class Search:
     settings: Settings = QUICKLY
     seed: int = 0
     tried: list[Tried] = field(default_factory=list)
+    last_tried: Sequence[Tried] = ()
     undetectable: list[Undetectable] = field(default_factory=list)
     first_left: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -128,7 +130,10 @@ class Search:
                 self._held_again()
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
-            self.standing = self.aside or self.standing
+            if self.aside is not None:
+                self.standing, known = self.aside, {c.title for c in self.aside.accepted}
+                self.cut = tuple(title for title in self.cut if title not in known)
+                scored = self._scored()
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         if self.cut:
             self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
@@ -203,9 +208,9 @@ class Search:
                 continue
             self.fits.say(f"{c.title} is nothing beside what was found later")
             found = self.without(k)
-            if found is None or self._worth(found.problem, found.result).over(self.now) < -CLEAR:
+            if found is None or (more := self._worth(found.problem, found.result).over(self.now)) < -CLEAR:
                 continue
-            self.standing = found.instead_of(self.standing.findings[k])
+            self.standing = found.instead_of(self.standing.findings[k], more)
         return len(self.standing.accepted) < before
 
     def _late_by_both(self) -> None:
@@ -317,10 +322,12 @@ class Search:
             self.notes.append(INCOMPARABLE)
             return False
         outcome = scored.best(now, moving=self.moved < MOVES)
-        self.tried += scored.tried
+        self.tried, self.last_tried = [*self.tried, *scored.tried], scored.tried
         self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late)
         if isinstance(outcome, Base):
             self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
+            if not self.standing.findings:
+                self.first_left = {}  # no effect has explained what is left over no longer
         elif outcome is not None:
             self._keep(scored, outcome)
         return outcome is not None
@@ -383,7 +390,8 @@ class Search:
 
     def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
-        rest = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed).told(self.tried)
+        left = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
+        rest = left.told([t for t in self.last_tried if t.refused])
         if isinstance(rest, Finding):
             self.standing = replace(self.standing, findings=(rest, *self.standing.findings))
         elif rest:

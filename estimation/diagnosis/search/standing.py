@@ -57,21 +57,24 @@ class Standing:
         *others, last = self.findings
         return replace(self, findings=(*others, replace(last, gain=last.gain + nats)))
 
-    def instead_of(self, gone: Finding) -> Standing:
-        """Without a finding that is nothing beside the last one, which gains what both did; the other one lacks what that added."""
+    def instead_of(self, gone: Finding, more: float) -> Standing:
+        """Without a finding that is nothing beside the last one, which gains what both did; the other one lacks what that added.
+
+        more: nats by which the model is more probable without it.
+        """
         last = self.findings[-1]
         known = {e.key for e in (last.explanation, *last.rivals)}
-        lacking = () if gone.explanation.key in known else (replace(gone.explanation, gap=last.gain),)
+        lacking = () if gone.explanation.key in known else (replace(gone.explanation, gap=last.gain + more),)
         others = sorted((*(a for a in last.alternatives if a.key != gone.explanation.key), *lacking), key=lambda a: a.gap)
         told = replace(self, findings=(*self.findings[:-1], replace(last, alternatives=tuple(others))))
-        return told.gaining(gone.gain)
+        return told.gaining(gone.gain + more)
 
     def keeping(self, scored: Round, best: Best) -> Standing:
         """With the best of a round, and without what that replaces; raises ValueError where it has no fit."""
         c, _, f = best.judged
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        new = finding(scored.linearised, best.judged, scored.fitted, scored.found, scored.sizes, best.same, best.mending)
+        new = finding(scored.linearised, best.judged, scored.fitted, scored.found, scored.sizes, best.same, best.as_good)
         stay = [not c.replaces(old) for old in self.accepted]
         for old in self.accepted:
             if c.exchanges(old):

@@ -65,8 +65,10 @@ def test_what_is_nothing_beside_what_was_found_later_goes_out_again():
     search = after(0.0)
     search._eliminate()
     assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
-    assert search.standing.findings[0].gain == 510.0
-    assert [(a.physics, a.gap) for a in search.standing.findings[0].alternatives] == [("cubic_spring", 500.0)]
+    (friction,) = search.standing.findings
+    more = friction.gain - 510.0  # a strength that is nothing costs what any parameter does
+    assert 0.0 < more < 0.5 * np.log(search.result.criteria.samples) + 1.0
+    assert [(a.physics, a.gap) for a in friction.alternatives] == [("cubic_spring", 500.0 + more)]
     assert "cubic_spring_carriage" not in search.standing.model.components
     assert not any("cubic_spring" in name for name in (*search.problem.parameters, *search.result.parameters))
     f_c = search.result.parameters["coulomb_friction_carriage.f_c"]
@@ -86,11 +88,15 @@ def test_what_takes_the_place_of_what_was_found_is_plainer_than_what_mends_that(
     mending, instead = law("spring"), law("coulomb_friction")
     scored._fit([(s.candidate, s) for s in scored.found.found if s.candidate.key in {mending.key, instead.key}], search.now)
     fits = {c.physics: (c, s, f) for c, s, f in scored.fitted}
-    gain, plain = scored._in_the_end(fits["coulomb_friction"])
-    assert plain[0] == 0  # effects beside it
-    assert 0.0 < gain - fits["coulomb_friction"][2].gain < 0.5 * np.log(result.criteria.samples)
-    assert scored._in_the_end(fits["spring"])[1][0] == 1
-    assert scored._in_the_end(fits["spring"])[0] == fits["spring"][2].gain
+    _, _, alone = scored._in_the_end(fits["coulomb_friction"])
+    assert alone.beside == 0
+    assert 0.0 < alone.spared < 0.5 * np.log(result.criteria.samples)
+    assert alone.ends_with == alone.gain + alone.spared
+    _, _, besides = scored._in_the_end(fits["spring"])
+    assert (besides.beside, besides.spared) == (1, 0.0)
+    richer = replace(first, absorbs={first.strengths[0]: "another.k"})
+    assert richer.replaces(first)
+    assert scored._in_the_end((richer, None, fits["spring"][2]))[2].beside == 1  # the law that it takes over is there with it
 
 
 def test_what_is_something_beside_it_stays():
@@ -212,7 +218,9 @@ def test_what_was_taken_back_is_there_again_where_there_was_no_time_to_seek_it()
     result = smooth(problem, settings=QUICKLY)
     search.aside = Standing(problem=problem, model=model, findings=(found(friction, 60.0),), accepted=(friction,), result=result)
     search.run()
-    assert [f.explanation.physics for f in search.standing.findings if f.explanation.physics != "unknown_physics"] == ["coulomb_friction"]
+    assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
+    assert not any("Coulomb friction" in note or "coulomb friction" in note for note in search.notes)
+    assert search.verdict() == "missing_physics"
     assert "coulomb_friction_carriage" in search.standing.model.components
     assert search.standing.findings[-1].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.05)
 

@@ -26,6 +26,7 @@ from backsight.estimation.diagnosis.search.refit import HELD, QUICKLY, Fitted, b
 from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.smoother import smoothing
+from backsight.models.errors import OutOfTime
 from backsight.models.plants import actuator
 from backsight.ocp import Options
 
@@ -309,3 +310,24 @@ def test_a_place_whose_forces_no_output_feels_stays_soft_where_nobody_gave_its_w
     solution = smooth(replace(problem, recordings=[deaf]), settings=HELD).solution
     assert solution is not None
     assert [solution.transcription.dae.places[k].name for k in solution.transcription.soft] == ["carriage"]
+
+
+def test_a_fit_that_has_a_result_keeps_it_where_its_time_ends(lacking, monkeypatch):
+    """All that a fit does shares one limit of time, and what does not end within it takes nothing back."""
+    problem, result = lacking
+    c, given = law("coulomb_friction"), list[float]()
+
+    def late(posed: Problem, *, settings: Settings, **how: object) -> Smoothing:
+        given.append(settings.seconds)
+        if len(given) > 1:
+            raise OutOfTime("Stopped at its limit of time.")
+        return smoothing(posed, settings=settings, **how)
+
+    monkeypatch.setattr(refit, "smoothing", late)
+    short = replace(HELD, seconds=1e3, options=Options(tolerance=1e-6, gauss_newton_iterations=2, max_iterations=2))
+    fit = fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}), short, anew=True)
+    assert (fit.failed, fit.late) == ("", False)
+    assert fit.result is not None
+    assert not fit.result.solver.converged
+    first, second = given
+    assert second < first == 1e3
