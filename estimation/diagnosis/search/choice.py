@@ -107,7 +107,7 @@ def _likely(s: Screened, found: Screen, sizes: Sizes) -> bool:
 
 
 def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Screened | None, Fitted]]) -> list[Screened]:
-    """The best candidate that a simpler one stood for, at every place where that one's fit fell short of its score.
+    """What others stood for whose fits fell short of their scores: all that do the same, and the best richer one at their place.
 
     Scores go by straight lines: laws that are alike along a trajectory astray are not where it comes to rest.
     """
@@ -115,6 +115,9 @@ def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Scree
     for c, s, f in fits:
         if s is None or f.gain > SHORT * s.gain:
             continue
+        same = [o for o in found.found if o.candidate.key not in fitted and found.alike(s, o) > SAME and _likely(o, found, sizes)]
+        out += same
+        fitted |= {o.candidate.key for o in same}
         there = [o for o in found.found if o.candidate.place == c.place and o.candidate.size > c.size and o.candidate.key not in fitted]
         good = (o for o in there if o.gain >= WORTH * s.gain and _likely(o, found, sizes))
         if (best := next(good, None)) is not None:

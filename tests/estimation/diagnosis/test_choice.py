@@ -311,6 +311,21 @@ def test_where_a_plain_law_falls_short_of_its_score_the_law_that_it_stood_for_is
     assert stood_for(found, None, both) == []
 
 
+def test_where_a_fit_falls_short_of_its_score_all_that_it_stood_for_are_fitted(monkeypatch):
+    """An inductance that is wrong and an offset of the voltage may do the same to what is left over, and one of them cannot be."""
+    monkeypatch.setattr("backsight.estimation.diagnosis.search.choice.matters", lambda *_: True)
+    wrong, offset, lag = (
+        screened("motor", "wrong_parameter", 160.0),
+        screened("input:V", "input_offset", 159.0),
+        screened("axis", "lag", 159.0),
+    )
+    alike = {id(wrong), id(offset)}
+    monkeypatch.setattr(Screen, "alike", lambda _, a, b: 1.0 if {id(a), id(b)} <= alike else 0.0)
+    found = screen(wrong, offset, lag)
+    for gained, fitted in ((150.0, []), (-np.inf, [offset])):
+        assert stood_for(found, None, [(wrong.candidate, wrong, SimpleNamespace(gain=gained))]) == fitted
+
+
 def test_a_law_replaces_another_of_which_it_leaves_nothing():
     coulomb = Candidate(place="axis", family="friction", physics="coulomb_friction", strengths=("c.f_c",), named={"f_c": "c.f_c"})
     named = {"f_c": "s.f_c", "f_s": "s.f_s"}
