@@ -84,13 +84,11 @@ def diagnose(
             fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, now.problem), say=say, end=end, jobs=jobs),
             settings=now.settings,
             seed=seed,
-            held=tuple(steadied.recordings) if straight else None,
+            held=Standing(problem=as_said.problem, model=problem.model, result=as_said.result) if straight else None,
         )
         search.run()
-    first = search.first
-    if straight and search.held is None:
-        straight, first = "", as_said.result
-    verdict, first = search.verdict(), without_offsets(first)
+    straight = straight if search.held is not None else ""
+    verdict, first = search.verdict(), without_offsets(search.first)
     notes = [said for said in (late, split, straight, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]

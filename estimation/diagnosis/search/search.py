@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...problem import Free, Problem, Weights
-from ...recordings.recording import Recording
 from ...results import Smoothing
 from ...smoothing.program import Settings
 from ...wording import listed
@@ -51,7 +50,7 @@ class Search:
     """What the search has found so far.
 
     standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
-    of what is drawn. held: recordings whose inputs are held, as a study has them, where straight ones were better for the model as it is.
+    of what is drawn. held: the model as it is with its inputs held, as a study has them, where straight ones were better for it.
     compared: whether models could be; cut: what may be missing in the model as it stands, and whose fit had no time. moved: how often the
     model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model
     without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before:
@@ -70,7 +69,7 @@ class Search:
     notes: list[str] = field(default_factory=list)
     before: Standing | None = None
     bare: Bare = field(init=False)
-    held: tuple[Recording, ...] | None = None
+    held: Standing | None = None
     compared: bool = field(default=True, init=False)
     cut: tuple[str, ...] = field(default=(), init=False)
     moved: int = field(default=0, init=False)
@@ -181,14 +180,19 @@ class Search:
             self.settings = replace(self.settings, step=min(float(np.median(h.mesh.steps)) for h in after.horizons))
 
     def _held_again(self) -> None:
-        """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones."""
+        """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones.
+
+        Then the model without it is the one with held inputs, too.
+        """
         if self.held is None or not self.standing.findings or self.fits.left == 0:
             return
         self.fits.say("held inputs again, with what was found")
         straight = settled(self.problem, self.result)
-        held = replace(straight, recordings=list(self.held))
+        held = replace(straight, recordings=self.held.problem.recordings)
         one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
         if one is not None and (other is None or self._worth(held, one).over(self._worth(straight, other)) > 0):
+            self.first, self.first_weights = self.held.result, self.held.problem.weights
+            self.bare = Bare(problem=without_force(self.held.problem), model=self.held.model)
             self.standing, self.held = self.standing.at(held, one), None
 
     def _eliminate(self) -> None:

@@ -99,6 +99,21 @@ def test_what_takes_the_place_of_what_was_found_is_plainer_than_what_mends_that(
     assert scored._in_the_end((richer, None, fits["spring"][2]))[2].beside == 1  # the law that it takes over is there with it
 
 
+def test_inputs_are_held_again_where_that_is_better_with_what_was_found():
+    """And the model without it is the one with held inputs."""
+    search = after(0.0)
+    was, now = search.standing, replace(search.problem, recordings=[replace(r, hold="linear") for r in search.problem.recordings])
+    search.standing = was.at(now, smooth(now, settings=QUICKLY))
+    bare = search.bare.problem
+    search.held = Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY))
+    first = search.held.result
+    search._held_again()
+    assert search.held is None
+    assert {r.hold for r in search.problem.recordings} == {r.hold for r in search.bare.problem.recordings} == {"zero"}
+    assert search.first is first
+    assert [f.explanation.physics for f in search.standing.findings] == ["cubic_spring", "coulomb_friction"]
+
+
 def test_what_is_something_beside_it_stays():
     search = after(4e5)  # 50 N at the end of the way
     search._eliminate()
