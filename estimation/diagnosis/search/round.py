@@ -133,7 +133,8 @@ class Round:
         known = {id(fit[0]): fit for fit in good}
         self.fitted = [known.get(id(fit[0]), fit) for fit in self.fitted]
         near = as_good([(fit, fit[1], fit[2].ends_with, _plainness(fit)) for fit in good])
-        same = [near[0], *indistinct(near[0], good)]
+        best = near[0]
+        same = [best, *indistinct(best, [fit for fit in good if fit[2].beside <= best[2].beside])]
         best = min(same, key=lambda fit: (_plainness(fit), -fit[2].ends_with))
         return Best(judged=self._set_in(best), same=tuple(fit[0] for fit in same), as_good=tuple(fit[0] for fit in near))
 
