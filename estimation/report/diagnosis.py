@@ -144,7 +144,7 @@ def _what(found: Diagnosis) -> str:
 
 def _finding(f: Finding) -> list[tuple[str, str]]:
     share = NOTHING if f.share is None else f"{number(100 * f.share, 2)} % of the force there"
-    others = [f"{e.words} (lacks {number(e.gap, 3)} nats)" if e.gap else e.words for e in f.alternatives]
+    others = [f"{e.words} (lacks {number(e.gap, 3)} nats)" if e.gap > 0 else e.words for e in f.alternatives]
     pairs = [
         ("strength", numbers(f.explanation.parameters) or NOTHING),
         ("acts", when(f)),

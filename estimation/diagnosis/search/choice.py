@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import TypeVar
@@ -41,6 +41,7 @@ WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however 
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
 SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
+AS_WELL = 2  # of those that a fit stood for which fell short
 
 
 def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
@@ -113,11 +114,11 @@ def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Scree
     """
     out, fitted = list[Screened](), {c.key for c, _, _ in fits}
     for c, s, f in fits:
-        if s is None or f.gain > SHORT * s.gain:
+        if s is None or f.late or f.gain > SHORT * s.gain:
             continue
         same = [o for o in found.found if o.candidate.key not in fitted and found.alike(s, o) > SAME and _likely(o, found, sizes)]
-        out += same
-        fitted |= {o.candidate.key for o in same}
+        out += same[:AS_WELL]
+        fitted |= {o.candidate.key for o in same[:AS_WELL]}
         there = [o for o in found.found if o.candidate.place == c.place and o.candidate.size > c.size and o.candidate.key not in fitted]
         good = (o for o in there if o.gain >= WORTH * s.gain and _likely(o, found, sizes))
         if (best := next(good, None)) is not None:
@@ -265,6 +266,28 @@ def idle(c: Candidate, result: Smoothing) -> bool:
     return spare(c, result) > -CLEAR
 
 
+def spared(candidates: Sequence[Candidate], result: Smoothing) -> tuple[int, float]:
+    """How many of these a model that has them would be as good without, all at once, and by how many nats it is more probable then."""
+    gone, nats, at = 0, 0.0, dict[str, float]()
+    told = {n for n, p in result.parameters.items() if p.std is not None}
+    for own, c in sorted(((spare(c, result), c) for c in candidates), key=lambda one: -one[0]):
+        if not own > -CLEAR:
+            break
+        both = at | {n: end for n, end in _nothing(c).items() if n in told}
+        more = nats + own if not at else _more_probable_at(result, both)
+        if more - nats > -CLEAR:
+            gone, nats, at = gone + 1, more, both
+    return gone, nats
+
+
+def _more_probable_at(result: Smoothing, values: Mapping[str, float]) -> float:
+    """As `more_probable_at`; -inf where two of them are one number."""
+    try:
+        return more_probable_at(result, values)
+    except np.linalg.LinAlgError:
+        return -inf
+
+
 def spare(c: Candidate, result: Smoothing) -> float:
     """By how many nats a model that has a candidate would be more probable without it, by its own fit; -inf where nobody can say.
 
@@ -285,7 +308,7 @@ def spare(c: Candidate, result: Smoothing) -> float:
     pairs = (names.split() for names in c.absorbs.values())
     more = [more_probable_alike(result, *both) for both in pairs if len(both) == 2 and told.issuperset(both)]
     at = {n: end for n, end in nothing.items() if n in told}
-    return max([*more, *([more_probable_at(result, at)] if at else [])], default=-inf)
+    return max([*more, *([_more_probable_at(result, at)] if at else [])], default=-inf)
 
 
 def _nothing(c: Candidate) -> dict[str, float]:

@@ -132,7 +132,8 @@ class Fits:
     def _arrived(self, name: str, problem: Problem, settings: Settings, begin: Solution | Begun | None) -> Smoothing | None:
         """A problem smoothed, or as it was kept; None where it does not come to rest."""
         try:
-            found = self.kept.smoothed(name, partial(smoothing, problem, settings=settings, begin=begin, progress=self.say))
+            call = partial(smoothing, problem, settings=settings, begin=begin, progress=self.say)
+            found = self.kept.smoothed(name, call, settings.options.seconds)
         except (SolveError, InputError):
             return None
         return found if found is not None and found.solver.converged else None

@@ -10,6 +10,7 @@ import pickle
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from ...problem import Problem
 from ...results import Smoothing
 from ...whole_files import keep
 from ..candidates.candidate import Candidate
-from .refit import PATIENT
 
 CODE = ("", "models", "ocp", "recordings", "smoothing", "validation", "diagnosis")  # that a part goes through; "": what all have in common
 DIGITS = 9  # of a number that tells one part from another
@@ -55,10 +55,11 @@ class Keep:
         if self.folder is not None:
             keep(self.folder / f"{name}.part", pickle.dumps(part))
 
-    def smoothed(self, name: str, smoothing: Callable[[], Smoothing]) -> Smoothing | None:
+    def smoothed(self, name: str, smoothing: Callable[[], Smoothing], seconds: float = inf) -> Smoothing | None:
         """A smoothing with its solution, which a result alone leaves behind in a file; None where it ran out of time.
 
-        What the clock may have left where it was is not kept: another run, on a machine that has nothing else to do, may come to rest.
+        seconds: after which its solver stops where it is. What the clock may have left so is not kept: another run, on a machine that has
+        nothing else to do, may come to rest.
         """
         part, began = self.get(name), time.monotonic()
         if part is None:
@@ -67,7 +68,7 @@ class Keep:
             except OutOfTime:
                 return None
             part = result, result.solution
-            if result.solver.converged or time.monotonic() - began < PATIENT.seconds:
+            if result.solver.converged or time.monotonic() - began < seconds:
                 self.put(name, part)
         found: Smoothing = replace(part[0], solution=part[1])
         return found

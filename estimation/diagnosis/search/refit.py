@@ -56,7 +56,7 @@ HELD = Settings(check_mesh=False, finest=1.0, weigh=False, options=Options(toler
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time.
+    """A candidate after its fit. model: with it; failed: why there is no result; late: for want of time, or why there is no better one.
 
     gain: nats over the model without it, and their doubt (`worth.py`) where no score tells what they are worth. spared: nats more in a
     model without what was found before and is idle beside it; beside: how many effects stay.
@@ -216,7 +216,7 @@ def fitted(
     begin = base.solution
     if begin is None:
         raise ValueError("a fit begins where a smoothing with its solution came to rest")
-    end = time.monotonic() + settings.seconds
+    end, late = time.monotonic() + settings.seconds, False
     try:
         now, edited = posed(problem, model, candidate, start)
         there, stood = None if anew else Begun.of(begin, now), held_there(problem, now)
@@ -234,31 +234,31 @@ def fitted(
             settings = replace(settings, options=replace(settings.options, hopeless=begin.solved.cost))
         result = smoothing(weighed, settings=settings, begin=there)
         if anew:
-            result = _gone_on(weighed, result, settings, ONWARD, end)
+            result, late = _gone_on(weighed, result, settings, ONWARD, end)
         if there is not None and (widths := _other_widths(now, result)):
             wider = replace(settings, widths=widths)
             again = _in_time(settled(weighed, result), wider, there, end)
-            again = again and _gone_on(weighed, again, wider, 1, end)
+            again, late = (None, True) if again is None else _gone_on(weighed, again, wider, 1, end)
             result = again if again is not None and again.solver.converged else result
         plain = candidate.dear and not result.solver.converged and _plainly_better(now, result, problem, base, settings)
         if plain:
-            result = _gone_on(weighed, result, settings, 1, end)
+            result, late = _gone_on(weighed, result, settings, 1, end)
     except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=not plain)
-    return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth)
+    return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth, late=late)
 
 
-def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int, end: float) -> Smoothing:
-    """A smoothing that goes on where its limit of iterations left it, until it comes to rest, so many times at most."""
+def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int, end: float) -> tuple[Smoothing, bool]:
+    """A smoothing that goes on where its limit of iterations left it, until it rests, so many times at most; and whether time was over."""
     for _ in range(times):
         if result.solver.converged or result.solution is None:
             break
         further = _in_time(settled(problem, result), settings, result.solution, end)
         if further is None:
-            break
+            return result, True
         result = further
-    return result
+    return result, False
 
 
 def _in_time(problem: Problem, settings: Settings, begin: Solution | Begun, end: float) -> Smoothing | None:

@@ -33,7 +33,7 @@ from .choice import (
     plainest_first,
     plainness,
     sound,
-    spare,
+    spared,
     steady,
     stood_for,
 )
@@ -129,13 +129,14 @@ class Round:
 
     def _kept(self, good: list[Judged]) -> Best:
         """The plainest of the fits that are borne out and as good as the best of them."""
-        good = sorted((self._in_the_end(fit) for fit in good), key=lambda fit: -fit[2].ends_with)
-        known = {id(fit[0]): fit for fit in good}
-        self.fitted = [known.get(id(fit[0]), fit) for fit in self.fitted]
+        end = {id(fit[2]): self._in_the_end(fit) for fit in self.fitted}
+        good = sorted((end[id(fit[2])] for fit in good), key=lambda fit: -fit[2].ends_with)
+        self.fitted = [end[id(fit[2])] for fit in self.fitted]
         near = as_good([(fit, fit[1], fit[2].ends_with, _plainness(fit)) for fit in good])
         best = near[0]
         same = [best, *indistinct(best, [fit for fit in good if fit[2].beside <= best[2].beside])]
         best = min(same, key=lambda fit: (_plainness(fit), -fit[2].ends_with))
+        same = [fit for fit in same if fit[2].beside <= best[2].beside]
         return Best(judged=self._set_in(best), same=tuple(fit[0] for fit in same), as_good=tuple(fit[0] for fit in near))
 
     def _fit_the_likely(self, now: Worth) -> None:
@@ -281,14 +282,14 @@ class Round:
     def _in_the_end(self, fit: Judged) -> Judged:
         """A fit with what it gains in a model without what was found before and is idle beside it, and how many effects that has besides.
 
-        What takes the place of another effect is plainer than what mends that. A law that another one has become is there with that.
+        What takes the place of another effect is plainer than what mends that. A law that takes over an accepted one counts for what it has
+        more than that.
         """
         c, s, f = fit
-        if f.result is None:
+        if f.result is None or f.result.criteria is None:
             return fit
-        result, others = f.result, [a for a in self.accepted if not c.replaces(a)]
-        gone = [nats for nats in (spare(a, result) for a in others) if nats > -CLEAR]
-        return c, s, replace(f, spared=sum(gone), beside=len(self.accepted) - len(gone))
+        gone, nats = spared([a for a in self.accepted if not c.replaces(a)], f.result)
+        return c, s, replace(f, spared=nats, beside=len(self.accepted) - gone)
 
     def _set_in(self, best: Judged) -> Judged:
         """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""

@@ -130,9 +130,10 @@ class Search:
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
             if self.aside is not None:
-                self.standing, known = self.aside, {c.title for c in self.aside.accepted}
-                self.cut = tuple(title for title in self.cut if title not in known)
+                self.standing = self.aside
                 scored = self._scored()
+                self.cut = tuple(s.candidate.title for s in chosen(scored.found, scored.sizes))
+                self.fits = replace(self.fits, owed=0.0)
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         if self.cut:
             self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
@@ -192,6 +193,7 @@ class Search:
         one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
         if one is not None and (other is None or self._worth(held, one).over(self._worth(straight, other)) > 0):
             self.first, self.first_weights = self.held.result, self.held.problem.weights
+            self.first_left = left_over(self.held.problem, self.held.result)
             self.bare = Bare(problem=without_force(self.held.problem), model=self.held.model)
             self.standing, self.held = self.standing.at(held, one), None
 
@@ -327,7 +329,7 @@ class Search:
             return False
         outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried, self.last_tried = [*self.tried, *scored.tried], scored.tried
-        self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late)
+        self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late and not np.isfinite(fit.gain))
         if isinstance(outcome, Base):
             self.standing, self.moved = self.standing.at(outcome.problem, outcome.result), self.moved + 1
             if not self.standing.findings:
@@ -395,7 +397,8 @@ class Search:
     def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
         left = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
-        rest = left.told([t for t in self.last_tried if t.refused])
+        refused = sorted((t for t in self.last_tried if t.refused and t.fitted is not None), key=lambda t: -(t.fitted or 0.0))
+        rest = left.told(refused)
         if isinstance(rest, Finding):
             self.standing = replace(self.standing, findings=(rest, *self.standing.findings))
         elif rest:

@@ -57,7 +57,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         way = replace(way, seconds=min(way.seconds, max(end - time.time(), AT_LEAST)))
         call = partial(smoothing, posed, settings=way, begin=None if begin is None else begin.solution, progress=say)
         with _beyond_all_bounds():
-            return kept.smoothed(kept.name(f"the model as it is{what}"), call)
+            return kept.smoothed(kept.name(f"the model as it is{what}"), call, way.options.seconds)
 
     weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
     onward = replace(weighed, check_mesh=False, finest=QUICKLY.finest, options=PATIENT)
@@ -113,7 +113,8 @@ def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end
         way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
         try:
             with _beyond_all_bounds():
-                return kept.smoothed(kept.name(f"the model as it is{what}"), partial(smoothing, read(problem), settings=way))
+                call = partial(smoothing, read(problem), settings=way)
+                return kept.smoothed(kept.name(f"the model as it is{what}"), call, way.options.seconds)
         except FAILURES:
             return None
 

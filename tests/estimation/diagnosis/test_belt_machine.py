@@ -165,12 +165,8 @@ DEGREES = 180.0 / np.pi
             'phi is 0.01745 times what its column says, as of "deg" read as "rad"',
             marks=pytest.mark.long,
         ),
-        (lambda y: {"phi": y["s"], "s": y["phi"]}, "the columns of phi and s are exchanged"),
-        pytest.param(
-            lambda y: {"phi": y["phi"], "s": -y["s"]},
-            "s has the other sign: negate the column of s",
-            marks=pytest.mark.long,
-        ),
+        pytest.param(lambda y: {"phi": y["s"], "s": y["phi"]}, "the columns of phi and s are exchanged", marks=pytest.mark.long),
+        (lambda y: {"phi": y["phi"], "s": -y["s"]}, "s has the other sign: negate the column of s"),
     ],
 )
 def test_columns_that_no_such_machine_could_have_are_told_from_what_they_may_be(read, said):

@@ -37,6 +37,7 @@ from backsight.estimation.diagnosis.search.choice import (
     plainness,
     simpler_there,
     sound,
+    spared,
     stood_for,
 )
 from backsight.estimation.diagnosis.search.refit import Fitted
@@ -302,12 +303,12 @@ def test_where_a_plain_law_falls_short_of_its_score_the_law_that_it_stood_for_is
     found = screen(drag, elsewhere, stribeck, little)
 
     def fit(gained: float) -> tuple:
-        return drag.candidate, drag, SimpleNamespace(gain=gained)
+        return drag.candidate, drag, SimpleNamespace(gain=gained, late=False)
 
     assert stood_for(found, None, [fit(150.0)]) == []
     assert stood_for(found, None, [fit(42.0)]) == [stribeck]
     assert stood_for(found, None, [fit(-np.inf)]) == [stribeck]
-    both = [fit(42.0), (stribeck.candidate, stribeck, SimpleNamespace(gain=900.0))]
+    both = [fit(42.0), (stribeck.candidate, stribeck, SimpleNamespace(gain=900.0, late=False))]
     assert stood_for(found, None, both) == []
 
 
@@ -323,7 +324,7 @@ def test_where_a_fit_falls_short_of_its_score_all_that_it_stood_for_are_fitted(m
     monkeypatch.setattr(Screen, "alike", lambda _, a, b: 1.0 if {id(a), id(b)} <= alike else 0.0)
     found = screen(wrong, offset, lag)
     for gained, fitted in ((150.0, []), (-np.inf, [offset])):
-        assert stood_for(found, None, [(wrong.candidate, wrong, SimpleNamespace(gain=gained))]) == fitted
+        assert stood_for(found, None, [(wrong.candidate, wrong, SimpleNamespace(gain=gained, late=False))]) == fitted
 
 
 def test_a_law_replaces_another_of_which_it_leaves_nothing():
@@ -373,3 +374,22 @@ def test_a_number_that_would_be_off_by_a_factor_of_two_is_named_last(given, foun
     assert told[0] == last
     assert told[1:] == plainness(wrong, [0.0])[1:]
     assert (told > plainness(friction, [found - given])) is last
+
+
+@pytest.mark.parametrize(("correlation", "gone"), [(0.0, 2), (-0.9999, 1)])
+def test_of_two_that_stand_for_each_other_one_can_go(correlation, gone):
+    """An offset of an input and a constant force: either is nothing beside the other, and both are not."""
+    std, size = 10.0, 5.0
+    told = {n: SimpleNamespace(name=n, value=size, std=std, on_bound=False, unit="N") for n in ("input.bias", "force.f")}
+    C = std**2 * np.array([[1.0, correlation], [correlation, 1.0]])
+    names = [*told]
+
+    def covariance(asked: list) -> np.ndarray:
+        at = [names.index(n) for n in asked]
+        return C[np.ix_(at, at)]
+
+    result = SimpleNamespace(parameters=told, criteria=SimpleNamespace(samples=1000), covariance=covariance)
+    both = [Candidate(place="x", family="external", physics=n, strengths=(n,)) for n in names]
+    count, nats = spared(both, result)
+    assert count == gone
+    assert nats == pytest.approx(gone * (0.5 * np.log(1000) - 0.5 * (size / std) ** 2))

@@ -105,12 +105,14 @@ def test_inputs_are_held_again_where_that_is_better_with_what_was_found():
     was, now = search.standing, replace(search.problem, recordings=[replace(r, hold="linear") for r in search.problem.recordings])
     search.standing = was.at(now, smooth(now, settings=QUICKLY))
     bare = search.bare.problem
-    search.held = Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY))
-    first = search.held.result
+    held = search.held = Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY))
+    search.bare = replace(search.bare, problem=replace(bare, recordings=now.recordings))
+    search.first_weights = Weights(W={"carriage": 9.0})
     search._held_again()
     assert search.held is None
     assert {r.hold for r in search.problem.recordings} == {r.hold for r in search.bare.problem.recordings} == {"zero"}
-    assert search.first is first
+    assert (search.first, search.first_weights) == (held.result, held.problem.weights)
+    assert search.first_left["carriage"] > 0.05  # 20 N of friction
     assert [f.explanation.physics for f in search.standing.findings] == ["cubic_spring", "coulomb_friction"]
 
 

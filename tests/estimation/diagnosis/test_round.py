@@ -176,3 +176,18 @@ def test_what_may_hold_an_unseen_body_is_fitted_from_the_guesses_and_all_else_fr
     assert (others, rest) == ([(drag.candidate.key, False), (seen.candidate.key, False)], False)
     assert base is scored.base
     assert [s for _, s, _ in fits] == [drag, seen, None]  # no score tells what the first is worth
+
+
+def test_of_two_fits_of_one_candidate_each_keeps_its_own_numbers():
+    """A lag may be fitted from its own start and from where a delay came to rest."""
+    problem = replace(posed(run(1.0, 2e-3, f_c=20.0)), weights=Weights(W={"carriage": 0.02}))
+    result = smoothing(problem, settings=QUICKLY)
+    scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
+    friction = next(s for s in scored.found.found if s.candidate.physics == "coulomb_friction")
+    scored._fit([(friction.candidate, friction)], now)
+    ((c, s, f),) = scored.fitted
+    worse = replace(f, gain=f.gain - 100.0)
+    scored.fitted = [(c, s, f), (c, s, worse)]
+    best = scored._kept([(c, s, worse), (c, s, f)])
+    assert best.judged[2].gain == f.gain
+    assert [fit.gain for _, _, fit in scored.fitted] == [f.gain, worse.gain]
