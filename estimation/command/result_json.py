@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backsight.models.augmentation.delay import delay_name
+from backsight.models.augmentation.parameters import without_case
 from backsight.models.errors import InputError, suggestion
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def estimated_parameters(folder: Path, dae: Dae, *, every: bool = False) -> dict
     if model != dae.name:
         raise InputError(f'--estimates {folder}: these are results of the model "{model}" and the study has "{dae.name}"; use one model')
     known = [p.name for p in dae.parameters]
-    own = {name.partition(" [")[0] for name in found if name not in known} & set(known)  # every recording's own: their mean
+    own = {without_case(name) for name in found if name not in known} & set(known)  # every recording's own: their mean
     for parameter in own:
         values = [found.pop(name) for name in list(found) if name.startswith(f"{parameter} [")]
         found[parameter] = sum(values) / len(values)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backsight.models.augmentation.parameters import without_case
+
 from ..problem import Problem
 from ..smoothing.smoother import smooth
 from .estimated import Estimated
@@ -53,7 +55,7 @@ def judging(told: Estimated, best: Problem, others: Iterable[Array], say: Callab
     knobs = turned(fixed, result)
     notes, apart = list[str](), _apart(knobs, told, others)
     if apart:
-        V = {name: std for name, std in best.weights.V.items() if name.split(" [")[0] not in apart}
+        V = {name: std for name, std in best.weights.V.items() if without_case(name) not in apart}
         untold = [replace(r, output_std={**r.output_std, **dict.fromkeys(apart)}) for r in held_out]
         result = smooth(replace(fixed, recordings=untold, weights=replace(fixed.weights, V=V)), progress=say)
         if not result.solver.converged:

@@ -75,6 +75,11 @@ def case_name(name: str, case: str) -> str:
     return f"{name} [{case}]"
 
 
+def without_case(name: str) -> str:
+    """What a parameter of one case, or of all of them, is called in all."""
+    return name.partition(" [")[0]
+
+
 def _parameter(dae: Dae, name: str, verb: str) -> tuple[ParameterInfo, int]:
     names = [p.name for p in dae.parameters]
     k = index_of(names, name)

@@ -120,6 +120,8 @@ def _component(slide: str, turn: str, **values: float) -> Callable[[str], Compon
 TURNED = {"f_c": "tau_c", "f_s": "tau_s", "v_s": "omega_s", "f_plus": "tau_plus", "f_minus": "tau_minus"}
 TURNED |= {"f": "tau", "m": "J", "s_rel0": "phi_rel0"}
 
+SPRING = Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False)
+
 AGAINST_GROUND: tuple[Law, ...] = (
     Law(family="friction", physics="viscous_friction", make=_component("Friction", "RotationalFriction"), strengths=("d",)),
     Law(family="friction", physics="coulomb_friction", make=_component("Friction", "RotationalFriction"), strengths=("f_c",)),
@@ -187,13 +189,9 @@ AGAINST_GROUND: tuple[Law, ...] = (
         label="weight",
         there=lambda kind, m: kind == "rotational" and SWUNG < m.span < 2 * pi,
     ),
-    Law(family="potential", physics="spring", make=_component("Spring", "RotationalSpring", k=0.0), strengths=("k",), one_sided=False),
-    Law(
-        family="potential",
-        physics="spring",
-        make=_component("Spring", "RotationalSpring", k=0.0),
-        strengths=("k",),
-        one_sided=False,
+    SPRING,
+    replace(
+        SPRING,
         shapes=lambda m: {"s_rel0": _rests(m)},
         instead={"Spring": ("k", "k"), "RotationalSpring": ("k", "k")},
         label="spring_at_rest",

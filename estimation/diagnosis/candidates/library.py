@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from backsight.models import Dae, Model, compile_model
+from backsight.models.augmentation.parameters import without_case
 from backsight.models.errors import ModelError
 from backsight.models.mechanics.rotational import EccentricRack, Gear, GearWithError, Rack
 from backsight.models.mechanics.spatial import RigidBody
@@ -215,7 +216,7 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
     found = []
     for info, value in zip(dae.parameters, values, strict=True):
         owner = info.name.partition(".")[0]
-        given = problem.parameters.get(info.name.partition(" [")[0])  # one that every recording has of its own is given once
+        given = problem.parameters.get(without_case(info.name))  # one that every recording has of its own is given once
         if isinstance(given, Free) or info.smoothing or value == 0 or owner in {*reading, *brought} or info.unit == "rad":
             continue
         if given is None and not _told(info.name, model):

@@ -20,12 +20,19 @@ ROUNDING = 1e-12  # of two variances: what is left of their difference where the
 
 
 def more_probable_at(result: Smoothing, values: Mapping[str, float]) -> float:
-    """By how much the evidence is larger with parameters at these values than with them free [nats]. They have deviations in the result."""
+    """By how much the evidence is larger with parameters at these values than with them free [nats]. They have deviations in the result.
+
+    -inf where two of them are one number to the last digit.
+    """
     if result.criteria is None:
         raise ValueError("a result without criteria has no evidence to compare")
     names = list(values)
     d = np.array([values[n] - result.parameters[n].value for n in names])
-    return 0.5 * len(names) * float(np.log(result.criteria.samples)) - 0.5 * float(d @ np.linalg.solve(result.covariance(names), d))
+    try:
+        squares = float(d @ np.linalg.solve(result.covariance(names), d))
+    except np.linalg.LinAlgError:
+        return -np.inf
+    return 0.5 * len(names) * float(np.log(result.criteria.samples)) - 0.5 * squares
 
 
 def more_probable_alike(result: Smoothing, one: str, other: str) -> float:

@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from backsight.models.augmentation.parameters import without_case
 from backsight.ocp import Solution
 
 from ...smoothing.rest import rounded_signs, rows_with_room, strengths_at_rest
@@ -99,7 +100,7 @@ class Worth:
             return set()
         t, laws = self.solution.transcription, {name.rpartition(".")[0] for name in signs}
         free = [p for p in (t.dae.parameters[i] for i in t.nlp.free) if p.unit in STRENGTHS]
-        return {p.name for p in free if p.name.partition(" [")[0].rpartition(".")[0] in laws}
+        return {p.name for p in free if without_case(p.name).rpartition(".")[0] in laws}
 
     @cached_property
     def _holding(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]:

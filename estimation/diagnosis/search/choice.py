@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from math import inf
 from typing import TypeVar
@@ -274,18 +274,10 @@ def spared(candidates: Sequence[Candidate], result: Smoothing) -> tuple[int, flo
         if not own > -CLEAR:
             break
         both = at | {n: end for n, end in _nothing(c).items() if n in told}
-        more = nats + own if not at else _more_probable_at(result, both)
+        more = nats + own if not at else more_probable_at(result, both)
         if more - nats > -CLEAR:
             gone, nats, at = gone + 1, more, both
     return gone, nats
-
-
-def _more_probable_at(result: Smoothing, values: Mapping[str, float]) -> float:
-    """As `more_probable_at`; -inf where two of them are one number."""
-    try:
-        return more_probable_at(result, values)
-    except np.linalg.LinAlgError:
-        return -inf
 
 
 def spare(c: Candidate, result: Smoothing) -> float:
@@ -308,7 +300,7 @@ def spare(c: Candidate, result: Smoothing) -> float:
     pairs = (names.split() for names in c.absorbs.values())
     more = [more_probable_alike(result, *both) for both in pairs if len(both) == 2 and told.issuperset(both)]
     at = {n: end for n, end in nothing.items() if n in told}
-    return max([*more, *([_more_probable_at(result, at)] if at else [])], default=-inf)
+    return max([*more, *([more_probable_at(result, at)] if at else [])], default=-inf)
 
 
 def _nothing(c: Candidate) -> dict[str, float]:

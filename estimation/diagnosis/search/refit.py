@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from backsight.models import Dae, Model, compile_model
+from backsight.models.augmentation.parameters import without_case
 from backsight.models.errors import InputError, ModelError, OutOfTime, SolveError
 from backsight.models.gauges import Gauges
 from backsight.ocp import Options, Solution
@@ -98,7 +99,7 @@ def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> floa
         return -np.inf
     total = c.log_evidence
     for info in problem.posed.dae.parameters:
-        found, given = result.parameters.get(info.name), problem.parameters.get(info.name.partition(" [")[0])
+        found, given = result.parameters.get(info.name), problem.parameters.get(without_case(info.name))
         if isinstance(given, Free) and given.std is None and found is not None and found.std and not found.on_bound:
             size = abs(info.nominal) or abs(info.value) or 1.0
             total += float(np.log(size / found.std) - 0.5 * np.log(2.0 * np.pi * c.samples))

@@ -117,7 +117,7 @@ class Search:
             if self._better_from_the_guesses(scored):
                 scored = self._scored()
             late = self.fits.left == 0
-            self.cut = tuple(s.candidate.title for s in chosen(scored.found, scored.sizes)) if late else ()
+            self.cut = _unfitted(scored) if late else ()
             more = not late and len(self.standing.findings) < EFFECTS and self._went_on(scored)
             if not self.settings.weigh and (more or not tried):
                 tried = True
@@ -132,8 +132,7 @@ class Search:
             if self.aside is not None:
                 self.standing = self.aside
                 scored = self._scored()
-                self.cut = tuple(s.candidate.title for s in chosen(scored.found, scored.sizes))
-                self.fits = replace(self.fits, owed=0.0)
+                self.cut, self.fits = _unfitted(scored), replace(self.fits, owed=0.0)
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         if self.cut:
             self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
@@ -415,3 +414,8 @@ class Search:
         if not self.compared or (self.cut and not self.standing.findings):
             return "undecided"
         return verdict(self.standing.findings)
+
+
+def _unfitted(scored: Round) -> tuple[str, ...]:
+    """What would be fitted in a round that has no time for it."""
+    return tuple(s.candidate.title for s in chosen(scored.found, scored.sizes))
