@@ -160,7 +160,7 @@ def place_of(equation: FlatEquation) -> str:
 def _rates_of(flat: FlatModel, states: Collection[str]) -> set[str]:
     """The variables v of the rows v = s' for these s."""
     rates = {f"der({name})" for name in states}
-    pairs = [{symbol.name() for symbol in ca.symvar(e.residual)} for e in flat.equations if e.kind == "equal"]
+    pairs = [set(e.held) for e in flat.equations if e.kind == "equal"]
     return {name for pair in pairs if len(pair) == 2 and pair & rates for name in pair - rates if name in flat.variables}
 
 

@@ -87,7 +87,7 @@ def _reduced(model: Model, flat: FlatModel, slots: Mapping[str, SX]) -> tuple[Se
 
 def _semi(model: Model, flat: FlatModel, reduced: Reduced) -> Semi:
     """Sort the surviving variables into states and algebraics, in order of declaration."""
-    held = [{s.name() for s in ca.symvar(e.residual)} for e in reduced.equations]
+    held = [set(e.held) for e in reduced.equations]
     present = set().union(*held)
     for name, variable in model.inputs.items():
         for equation, symbols in zip(reduced.equations, held, strict=True):
@@ -121,7 +121,7 @@ def _deficient(system: Semi) -> bool:
 
 def _refuse_differentiated(model: Model, slots: Mapping[str, SX], system: Semi) -> None:
     states = {x.name() for x in system.x}
-    held = [[s.name() for s in ca.symvar(row.residual)] for row in system.invariants]
+    held = [row.held for row in system.invariants]
     for name, variable in model.inputs.items():
         fixed = dict.fromkeys(x for symbols in held if variable in symbols for x in symbols if x in states)
         if any(variable in symbols for symbols in held):
@@ -234,7 +234,7 @@ def _expressible(model: Model, variables: Mapping[str, SX], known: set[str]) -> 
 
 def _row_key(equation: FlatEquation, x_names: list[str], rate_index: Mapping[str, int]) -> tuple[int, int]:
     """Rows in the order of the states whose derivative they hold; algebraic rows and differentiated constraints last."""
-    rows = sorted(rate_index[s.name()] for s in ca.symvar(equation.residual) if s.name() in rate_index)
+    rows = sorted(rate_index[name] for name in equation.held if name in rate_index)
     if not rows or (equation.kind == "equal" and len(rows) > 1):
         return len(x_names), 0
     own = [i for i in rows if x_names[i].startswith(f"{equation.component}.")] if equation.component else []

@@ -26,7 +26,7 @@ import casadi as ca
 
 from .candidates import DEFINITION, KEPT, MERGING, RATE, Candidates, place_of
 from .flat import FlatEquation, FlatModel, FlatVariable
-from .rows import Held, Rows
+from .rows import Held, Rows, is_smooth
 
 SX = Any
 
@@ -74,6 +74,7 @@ class Eliminator:
         self.known, self.slots = known, slots
         self.measured, self.kept = set(kept), {*kept, *states, *known}
         self.rows, self.numbers = Rows(), count(len(flat.equations))
+        self.smooth = is_smooth(ca.vertcat(*(e.residual for e in flat.equations)))
         self.equations = dict(enumerate(flat.equations))  # not used up, by number of the row
         self.rate_rows: dict[str, int] = {}  # s -> the row that keeps s' = ...
         self.rate_equations: dict[str, FlatEquation] = {}
@@ -200,7 +201,7 @@ class Eliminator:
         return i
 
     def _held(self, value: SX) -> Held:
-        return Held(value, self.flat.parameters)
+        return Held(value, self.flat.parameters, smooth=self.smooth)
 
     def _derivative(self, name: str) -> SX:
         return self.flat.derivatives.setdefault(name, ca.SX.sym(f"der({name})"))

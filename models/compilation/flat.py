@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
+
+import casadi as ca
 
 from ..language import Parameter
 from ..model import Model
@@ -32,6 +35,11 @@ class FlatEquation:
     component: str
     kind: Literal["equal", "balance", "law"]
     slot: tuple[str, str] | None = None
+
+    @cached_property
+    def held(self) -> tuple[str, ...]:
+        """The names of the symbols that the residual holds, in the order in which CasADi meets them."""
+        return tuple(symbol.name() for symbol in ca.symvar(self.residual))
 
     @property
     def origin(self) -> str:

@@ -178,7 +178,7 @@ def _connector_symbols(model: Model, table: _Table, path: str, connector: Connec
 
 def _keep_states(name: str, component: Component, equations: list[FlatEquation], table: _Table) -> None:
     """Signal outputs that their component differentiates are states of it: they keep their names before what they drive."""
-    held = {s.name() for e in equations for s in ca.symvar(e.residual)}
+    held = {name for e in equations for name in e.held}
     for word, signal in component.declared_signals.items():
         path = f"{name}.{word}"
         if isinstance(signal, SignalOutput) and f"der({path})" in held:

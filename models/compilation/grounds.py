@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..errors import ModelError
 from ..model import GROUNDS, Model
-from .flat import FlatEquation, FlatModel
+from .flat import FlatModel
 
 SX = Any
 
@@ -35,7 +35,7 @@ def refuse_floating(model: Model, flat: FlatModel) -> None:
 def _networks(flat: FlatModel, names: list[str]) -> list[list[str]]:
     """Potentials that equations tie to each other."""
     column = {name: i for i, name in enumerate(names)}
-    held = [[column[s.name()] for s in ca.symvar(e.residual) if s.name() in column] for e in flat.equations]
+    held = [[column[name] for name in e.held if name in column] for e in flat.equations]
     pairs = np.array([(row[0], other) for row in held for other in row[1:]], dtype=np.intp).reshape(-1, 2)
     graph = csr_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(names), len(names)))
     label = connected_components(graph, directed=False)[1]
@@ -48,17 +48,13 @@ def _networks(flat: FlatModel, names: list[str]) -> list[list[str]]:
 def _floats(flat: FlatModel, network: list[str]) -> bool:
     """Whether the sum of the slopes over the network is zero in every equation, at a random point."""
     potentials = ca.vertcat(*(flat.symbols[name] for name in network))
-    rows = ca.vertcat(*(e.residual for e in flat.equations if _holds(e, network)))
+    rows = ca.vertcat(*(e.residual for e in flat.equations if not set(network).isdisjoint(e.held)))
     if len(network) < 2 or not rows.shape[0]:
         return False
     shift = ca.jtimes(rows, potentials, ca.SX.ones(len(network)))
     symbols = ca.vertcat(*ca.symvar(shift))
     point = np.random.default_rng(0).uniform(0.5, 1.5, symbols.shape[0])
     return bool(np.abs(ca.Function("shift", [symbols], [shift])(point).full()).max() < 1e-12)
-
-
-def _holds(equation: FlatEquation, names: list[str]) -> bool:
-    return not {s.name() for s in ca.symvar(equation.residual)}.isdisjoint(names)
 
 
 def _article(word: str) -> str:

@@ -36,7 +36,7 @@ class Semi:
 
 def kinematics(system: Semi) -> dict[str, tuple[int, SX]]:
     """State -> (row, v) for every row that reads 0 = c (x' - v) with no other derivative in v, x' being in no other row."""
-    held = [{s.name() for s in ca.symvar(e.residual)} for e in system.equations]
+    held = [set(e.held) for e in system.equations]
     rates = {dx.name(): x.name() for x, dx in zip(system.x, system.dx, strict=True)}
     symbols = {dx.name(): dx for dx in system.dx}
     found = {}

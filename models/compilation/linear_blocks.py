@@ -50,7 +50,7 @@ def solve_linear_blocks(flat: FlatModel, system: Semi, reduced: Reduced, slots: 
         value = -ca.mtimes(ca.inv_minor(ca.densify(matrix)), ca.substitute(left, y, ca.DM.zeros(len(block))))
         definitions |= dict(zip((z[j].name() for j in block), ca.vertsplit(value), strict=True))
         used.update(own)
-        touched = [i for i, row in enumerate(rows) if i not in used and _names(row) & {z[j].name() for j in block}]
+        touched = [i for i, row in enumerate(rows) if i not in used and {*row.held} & {z[j].name() for j in block}]
         new = {place: Heirs(left=(rows[i].origin,)) for i in own if (place := _place(rows[i], slots))}
         merged = _passed_on(merged | new, [rows[i] for i in own], [rows[i] for i in touched])
         for i in touched:
@@ -86,7 +86,7 @@ def _matching(system: Semi, slots: Mapping[str, SX]) -> dict[int, int]:
         row = system.equations[i]
         if _place(row, slots):
             return 2 if row.kind == "balance" and row.component not in owners else None
-        return 1 if rates & _names(row) else 0
+        return 1 if rates.intersection(row.held) else 0
 
     ranked = [(rank, -i) for i in range(len(system.equations)) if (rank := preference(i)) is not None]
     present = incidence(system.equations, {s.name(): j for j, s in enumerate(system.z)}).toarray()
@@ -135,7 +135,3 @@ def _blocks(system: Semi, mate: dict[int, int]) -> list[list[int]]:
 def _place(row: FlatEquation, slots: Mapping[str, SX]) -> str:
     """The place whose residual the row carries, "" for none."""
     return row.slot[0] if row.slot and row.slot[0] in slots else ""
-
-
-def _names(row: FlatEquation) -> set[str]:
-    return {s.name() for s in ca.symvar(row.residual)}

@@ -49,7 +49,7 @@ def heirs_of(merged: Mapping[str, Heirs], system: Semi) -> dict[str, list[str]]:
     """
     rows = {e.origin: e for e in system.equations}
     algebraics = {z.name() for z in system.z}
-    shared = {origin: {s.name() for s in ca.symvar(e.residual)} & algebraics for origin, e in rows.items()} if merged else {}
+    shared = {origin: {*e.held} & algebraics for origin, e in rows.items()} if merged else {}
 
     def places(origins: Sequence[str]) -> list[str]:
         return [slot[0] for origin in origins if origin in rows and (slot := rows[origin].slot)]

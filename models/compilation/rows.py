@@ -16,29 +16,30 @@ import casadi as ca
 
 SX = Any
 _RELATIONS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO}
+_KINKED = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}  # whose derivatives step
 _STEPPING = _RELATIONS | {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN}
 
 
 class Held:
     """An expression with its symbols and slopes, found once. Symbols it does not depend on, as in (s + x) - s, are dropped.
 
-    `fixed` names symbols that are left alone and not listed: the parameters.
+    `fixed` names symbols that are left alone and not listed: the parameters. `smooth`: it is known that nothing in the value steps.
     """
 
-    def __init__(self, value: SX, fixed: Container[str] = ()) -> None:
+    def __init__(self, value: SX, fixed: Container[str] = (), *, smooth: bool = False) -> None:
         symbols, slopes = _slopes(value, fixed)
         flat = [name for name, slope in slopes.items() if slope.is_zero()]
-        stepping = steps(value) if flat else set()
+        stepping = steps(value) if flat and not smooth else set()
         idle = [symbols.pop(name) for name in flat if name not in stepping]
         if idle:
             value = ca.substitute(value, ca.vertcat(*idle), ca.DM.zeros(len(idle)))
             symbols, slopes = _slopes(value, fixed)
-        self.value, self.symbols, self.slopes, self.fixed = value, symbols, slopes, fixed
+        self.value, self.symbols, self.slopes, self.fixed, self.smooth = value, symbols, slopes, fixed, smooth
 
     @cached_property
     def steps(self) -> set[str]:
         """The symbols in which the value steps, sgn(v): it is affine in none of them, whatever its slope."""
-        return steps(self.value)
+        return set() if self.smooth else steps(self.value)
 
     @cached_property
     def rates(self) -> list[str]:
@@ -51,7 +52,11 @@ class Held:
         if not names:
             return self
         old = ca.vertcat(*(self.symbols[name] for name in names))
-        return Held(ca.substitute(self.value, old, ca.vertcat(*(new[name] for name in names))), self.fixed)
+        return self.with_value(ca.substitute(self.value, old, ca.vertcat(*(new[name] for name in names))))
+
+    def with_value(self, value: SX) -> Held:
+        """Another value, of which the same is known."""
+        return Held(value, self.fixed, smooth=self.smooth)
 
     def solved_for(self, name: str) -> SX:
         """0 = c v + e as v = -e/c, for a v in which the value does not step."""
@@ -60,10 +65,8 @@ class Held:
 
 def steps(value: SX) -> set[str]:
     """The names of the symbols in which a value steps: their derivative says nothing of what sgn(v), a comparison or a rounding does."""
-    symbols = ca.symvar(value)
-    node = ca.Function("node", [ca.vertcat(*symbols)], [ca.SX(value)])
-    operations = [node.instruction_id(i) for i in range(node.n_instructions())]
-    if not _STEPPING & set(operations):
+    symbols, node, operations = _evaluated(value)
+    if _STEPPING.isdisjoint(operations):
         return set()
     held: dict[int, int] = {}  # work place -> bits of the symbols that it depends on
     stepped: dict[int, int] = {}  # and of those that it steps in
@@ -84,6 +87,18 @@ def steps(value: SX) -> set[str]:
                 by_steps = every
             held[out[0]], stepped[out[0]] = every, by_steps
     return {symbol.name() for k, symbol in enumerate(symbols) if found >> k & 1}
+
+
+def is_smooth(values: SX) -> bool:
+    """Whether neither they nor their derivatives step."""
+    return (_STEPPING | _KINKED).isdisjoint(_evaluated(values)[2])
+
+
+def _evaluated(values: SX) -> tuple[list[SX], ca.Function, list[int]]:
+    """Its symbols, its evaluation from them, and the operations of that in order."""
+    symbols = ca.symvar(values)
+    node = ca.Function("node", [ca.vertcat(*symbols)], [ca.SX(values)])
+    return symbols, node, [node.instruction_id(i) for i in range(node.n_instructions())]
 
 
 def _slopes(value: SX, fixed: Container[str]) -> tuple[dict[str, SX], dict[str, SX]]:
@@ -142,7 +157,7 @@ class Rows:
             ca.vertcat(*(row.value for row in rows)), ca.vertcat(*old.values()), ca.vertcat(*(new[name] for name in old))
         )
         for i, row, value in zip(numbers, rows, ca.vertsplit(ca.cse(column)), strict=True):
-            self.put(i, Held(value, row.fixed))
+            self.put(i, row.with_value(value))
             self.work += len(self.held[i].symbols)
 
     def settle(self) -> tuple[set[int], set[str]]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -34,7 +33,7 @@ def determination(flat: FlatModel, known: set[str]) -> None:
         origins = ", ".join(f"'{flat.equations[i].origin}'" for i in too_many[:12]) + (" ..." if len(too_many) > 12 else "")
         variables = ", ".join(names[i] for i in disputed[:12]) or "no variable"
         excess = len(too_many) - len(disputed)
-        given = {s.name() for i in too_many for s in ca.symvar(flat.equations[i].residual)} & known
+        given = {name for i in too_many for name in flat.equations[i].held} & known
         driven = f", or drive something else than {', '.join(sorted(given))}" if given else ""
         problems.append(
             f"over-determined: the equations {origins} ({len(too_many)}) determine only {variables} ({len(disputed)}); "
@@ -54,7 +53,7 @@ def determination(flat: FlatModel, known: set[str]) -> None:
 
 def incidence(equations: Sequence[FlatEquation], column: Mapping[str, int]) -> csr_array:
     """(equations, unknowns), sparse: which unknown occurs where; `column` gives the place of a symbol by name."""
-    pairs = [(i, column[s.name()]) for i, e in enumerate(equations) for s in ca.symvar(e.residual) if s.name() in column]
+    pairs = [(i, column[name]) for i, e in enumerate(equations) for name in e.held if name in column]
     rows, columns = np.array(pairs, dtype=np.intp).reshape(-1, 2).T
     shape = len(equations), max(column.values(), default=-1) + 1
     return csr_array((np.ones(len(pairs), dtype=bool), (rows, columns)), shape=shape)
