@@ -123,6 +123,7 @@ def test_a_belt_that_was_taken_for_rigid_is_found_where_two_encoders_contradict_
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_scale_that_is_late_beside_a_rigid_belt_is_no_soft_one():
     found = diagnose(posed_rigid(*(recorded(0.0, seed, role, k=1e8, late=3) for seed, role in ((1, "fit"), (2, "held_out")))))
     (finding,) = found.findings

@@ -272,6 +272,7 @@ def test_what_a_problem_supposes_beyond_its_model_is_no_obstacle(supposed):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_delay_that_is_to_be_estimated_is_one_of_the_things_looked_for():
     """Friction concealed, and an encoder that lags by a row and a half; the study asks for its delay."""
     made = case(f_c=20.0)

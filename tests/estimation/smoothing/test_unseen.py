@@ -102,7 +102,8 @@ def test_one_inertia_that_is_known_does_not_hide_how_far_off_the_other_guesses_a
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1])
 def test_a_load_that_its_own_noise_moves_as_much_as_the_shaft_does_is_told_from_that(seed):
     """The most probable parameters together with a trajectory are in another valley, where the load is twice as large."""
     true = {"motor.J": 2.16e-3, "load.J": 7.15e-3, "shaft.k": 1.724, "shaft.d": 0.0203, "bearing.d": 0.0254, "brake.d": 0.0437}
