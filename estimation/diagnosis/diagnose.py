@@ -17,6 +17,7 @@ from backsight.models.errors import InputError
 
 from ..problem import Problem
 from ..recordings.split import with_held_out
+from ..results import Smoothing
 from ..workers import at_hand, workers
 from .answer.mismatch import mismatches
 from .answer.verdict import Diagnosis
@@ -36,6 +37,7 @@ from .search.standing import Standing
 from .start.as_it_is import AsItIs, as_it_is
 from .start.delays import without_delays
 from .start.hold import with_better_hold
+from .start.inflated import with_inertias_bounded
 from .start.noise_shown import with_noise_as_shown
 from .start.sizes_known import with_sizes_known
 
@@ -75,9 +77,10 @@ def diagnose(
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
         as_said = based(steadied, asking=True)
+        steadied, as_said, large = _held(with_inertias_bounded, steadied, as_said, based)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
-        steadied, as_said, loud = _quieter(steadied, as_said, based)
+        steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
         now, straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
             standing=Standing(problem=now.problem, model=problem.model, result=now.result),
@@ -89,7 +92,7 @@ def diagnose(
         search.run()
     straight = straight if search.held is not None else ""
     verdict, first = search.verdict(), without_offsets(search.first)
-    notes = [said for said in (late, split, straight, open_ones, loud) if said]
+    notes = [said for said in (late, split, straight, large, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
@@ -161,9 +164,11 @@ def diagnose(
     )
 
 
-def _quieter(problem: Problem, found: AsItIs, based: Callable[[Problem], AsItIs]) -> tuple[Problem, AsItIs, str]:
-    """Problem and model as it is with noise as its samples show it, where that has far less and the model comes to rest with it."""
-    held, said = with_noise_as_shown(problem, found.result)
+def _held(
+    by: Callable[[Problem, Smoothing], tuple[Problem, str]], problem: Problem, found: AsItIs, based: Callable[[Problem], AsItIs]
+) -> tuple[Problem, AsItIs, str]:
+    """Problem and model as it is with what is held, and a note, where there is any and the model comes to rest with it."""
+    held, said = by(problem, found.result)
     if not said:
         return problem, found, ""
     try:

@@ -71,7 +71,7 @@ def on_bounds(solution: Solution, lower: Array, upper: Array, marginal: bool) ->
         return None
     try:
         return _told(there, there.whole, lower, upper, marginal)
-    except np.linalg.LinAlgError:  # told apart by no more than rounding
+    except (np.linalg.LinAlgError, FloatingPointError):  # told apart by no more than rounding, or as far out as no number is
         return None
 
 
@@ -126,7 +126,10 @@ def _blocked(whole: Curvature, inward: Array, unit: Array) -> bool:
 
 
 def _cut_off(mean: Array, covariance: Array, width: Array) -> tuple[Array, Array]:
-    """E delta delta' (b, b) of N(mean, covariance) within 0 and width, and what each exceeds with a chance of 5 %, (b,)."""
+    """E delta delta' (b, b) of N(mean, covariance) within 0 and width, and what each exceeds with a chance of 5 %, (b,).
+
+    Raises FloatingPointError where no number is as large.
+    """
     b = len(mean)
     if not b:
         return np.empty((0, 0)), np.empty(0)
@@ -144,7 +147,8 @@ def _cut_off(mean: Array, covariance: Array, width: Array) -> tuple[Array, Array
     order = np.argsort(delta, axis=0)
     tails = np.cumsum(weight[order], axis=0)
     reach = [delta[order[np.searchsorted(tails[:, i], 1.0 - CHANCE), i], i] for i in range(b)]
-    return (delta * weight[:, None]).T @ delta, np.array(reach)
+    with np.errstate(over="raise"):
+        return (delta * weight[:, None]).T @ delta, np.array(reach)
 
 
 def _log_mass(low: Array, high: Array) -> Array:
