@@ -9,6 +9,7 @@ stage       a geared hub with a flexible link, taken for rigid, without dry fric
 rotor       H. Andrade: a motor at one turn a second. Known: cogging 72 times a turn, 0.17 A at 0.032 N.m/A; stiction 0.054 A
 held_rotor  the same motor, held every 0.002 rad for a while, one turn forth and back. Known: the same
 joint       one joint of an arm in one slow sine, without dry friction. Known: Coulomb friction 12.5 N.m, viscous friction 21.3 N.m.s/rad
+lifting     the next one, which lifts the arm, without dry friction. Known: Coulomb friction 13.3 N.m, viscous friction 20.2 N.m.s/rad
 oscillator  T. Wigren, J. Schoukens: a circuit that moves as a mass on a hardening spring, taken for a linear one. Known: a cubic stiffness
             and an offset
 flight      a small quadrotor, the speeds of its propellers known. Known: drag in proportion to the velocity, 0.31..0.44 1/s times its mass;
@@ -21,7 +22,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -105,18 +106,21 @@ def held_rotor(folder: Path) -> Problem:
 
 
 def joint(folder: Path) -> Problem:
-    columns = {"time": "t_s", "inputs": {"i": "i1_A"}, "outputs": {"q": "q1_rad"}}
+    return _turned(folder, "1", gain=10.0, start=0.0, arm={"arm.m_x": 0.0, "arm.m_y": 0.0})
+
+
+def lifting(folder: Path) -> Problem:
+    """From where it has been brought to where its motion begins."""
+    return _turned(folder, "2", gain=10.6956, start=4.0, arm={"arm.m_x": Free(8.0), "arm.m_y": Free(1.0)})
+
+
+def _turned(folder: Path, number: str, *, gain: float, start: float, arm: Mapping[str, Free | float]) -> Problem:
+    columns = {"time": "t_s", "inputs": {"i": f"i{number}_A"}, "outputs": {"q": f"q{number}_rad"}}
+    friction = {"friction.d": Free(20.0, min=0.0), "friction.tau_c": 0.0, "offset.tau": 0.0}
     return Problem(
-        model=turned_joint(gain=10.0),
-        recordings=fit_and_later(folder / "ur10e/joint1_only.csv", 0.0, 30.0, 57.0, **columns),
-        parameters={
-            "arm.m_x": 0.0,
-            "arm.m_y": 0.0,
-            "arm.J": Free(5.0, min=1e-2),
-            "friction.d": Free(20.0, min=0.0),
-            "friction.tau_c": 0.0,
-            "offset.tau": 0.0,
-        },
+        model=turned_joint(gain=gain),
+        recordings=fit_and_later(folder / f"ur10e/joint{number}_only.csv", start, 30.0, 57.0, **columns),
+        parameters={**arm, "arm.J": Free(5.0, min=1e-2), **friction},
     )
 
 
@@ -168,7 +172,7 @@ def flown(file: Path, role: Literal["fit", "held_out"]) -> Recording:
 
 
 MACHINES: dict[str, Callable[[Path], Problem]] = {
-    f.__name__: f for f in (axis, pendulum, stage, rotor, held_rotor, joint, oscillator, flight)
+    f.__name__: f for f in (axis, pendulum, stage, rotor, held_rotor, joint, lifting, oscillator, flight)
 }
 
 
