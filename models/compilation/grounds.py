@@ -47,8 +47,8 @@ def _networks(flat: FlatModel, names: list[str]) -> list[list[str]]:
 
 def _floats(flat: FlatModel, network: list[str]) -> bool:
     """Whether the sum of the slopes over the network is zero in every equation, at a random point."""
-    potentials = ca.vertcat(*(flat.symbols[name] for name in network))
-    rows = ca.vertcat(*(e.residual for e in flat.equations if not set(network).isdisjoint(e.held)))
+    potentials, names = ca.vertcat(*(flat.symbols[name] for name in network)), set(network)
+    rows = ca.vertcat(*(e.residual for e in flat.equations if not names.isdisjoint(e.held)))
     if len(network) < 2 or not rows.shape[0]:
         return False
     shift = ca.jtimes(rows, potentials, ca.SX.ones(len(network)))

@@ -7,6 +7,7 @@ x' = v(x), so constraints are differentiated in the model's own velocities and n
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,7 +88,7 @@ class _Differentiation:
                     f"the equations {_origins(self.declared)} have no finite index: '{origin.origin}' and its derivatives determine "
                     "nothing; a constraint is stated twice, or a variable is free"
                 )
-            self._prepare(row.residual)
+            self._prepare(row.held)
             row = self.rows[i][0]
             derivative = clean(self._derivative(row.residual))
             self.invariants.append(row)
@@ -95,9 +96,8 @@ class _Differentiation:
             self.rows[i] = named, times + 1, origin
         return bool(over)
 
-    def _prepare(self, residual: SX) -> None:
+    def _prepare(self, present: Collection[str]) -> None:
         """What is to be differentiated must be a state: algebraics become states, derivatives become variables of their own."""
-        present = {s.name() for s in ca.symvar(residual)}
         for x, dx in zip(list(self.x), list(self.dx), strict=True):
             if dx.name() in present:
                 own = ca.SX.sym(f"{x.name()}'")

@@ -294,7 +294,12 @@ def _fineness(problem: Problem, solution: Solution) -> float:
     return min(float(np.median(h.mesh.steps)) / sampling_interval(r) for r, h in pairs)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is no machine's has numbers that none can hold, and does not come to rest
+def beyond_all_bounds() -> np.errstate:
+    """What is no machine's leads to numbers that none can hold; notes and what does not come to rest say so, and numpy need not."""
+    return np.errstate(over="ignore", invalid="ignore")
+
+
+@beyond_all_bounds()
 def fitted_there(
     blob: bytes, candidate: Candidate, start: dict[str, float], settings: Settings, anew: bool, end: float, share: float = 1.0
 ) -> Fitted:

@@ -7,8 +7,6 @@ import time
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
 from backsight.models.errors import InputError
 
 from ...problem import Problem
@@ -21,7 +19,7 @@ from ..evidence.latent import as_tight, straining
 from ..scores.shares import left_over
 from ..search.fits import Progress
 from ..search.keep import Keep
-from ..search.refit import FAILURES, HELD, PATIENT, QUICKLY, comparable
+from ..search.refit import FAILURES, HELD, PATIENT, QUICKLY, beyond_all_bounds, comparable
 from .misread import Reading, idle, lost, misread
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
@@ -56,7 +54,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         say(f"the model as it is{what}")
         way = replace(way, seconds=min(way.seconds, max(end - time.time(), AT_LEAST)))
         call = partial(smoothing, posed, settings=way, begin=None if begin is None else begin.solution, progress=say)
-        with _beyond_all_bounds():
+        with beyond_all_bounds():
             return kept.smoothed(kept.name(f"the model as it is{what}"), call, way.options.seconds)
 
     weighed, held = Settings(hasty=True, marginal=False, seconds=BASE), replace(HELD, seconds=BASE, options=PATIENT)
@@ -112,15 +110,10 @@ def _misread(problem: Problem, result: Smoothing, kept: Keep, say: Progress, end
         say(f"the model as it is{what}")
         way = replace(QUICKLY, marginal=False, seconds=MISREAD, options=replace(HELD.options, seconds=MISREAD))
         try:
-            with _beyond_all_bounds():
+            with beyond_all_bounds():
                 call = partial(smoothing, read(problem), settings=way)
                 return kept.smoothed(kept.name(f"the model as it is{what}"), call, way.options.seconds)
         except FAILURES:
             return None
 
     return misread(problem, result, smoothed)
-
-
-def _beyond_all_bounds() -> np.errstate:
-    """Columns that are no machine's lead to numbers that none can hold; notes say what comes of it, and numpy need not."""
-    return np.errstate(over="ignore", invalid="ignore")
