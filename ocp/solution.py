@@ -61,6 +61,8 @@ class Solution:
     def curvature_with(self, known: NDArray[np.int64]) -> Curvature | None:
         """The same with other decisions that cannot move."""
         hessian, jacobian, softness = self.solver.kkt(self.solved.decisions, self.values)
+        if not np.isfinite([hessian.data.sum(), jacobian.data.sum()]).all():
+            return None
         try:
             found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, known)
         except np.linalg.LinAlgError:

@@ -29,6 +29,7 @@ from .proof.contradicted import contradicted
 from .proof.proof import Case, Proof
 from .scores.onsets import clocks_notes
 from .search.fits import Fits, Progress
+from .search.inflated import Bounded, with_inertias_bounded
 from .search.keep import Keep
 from .search.left_over import NAMELESS
 from .search.refit import FAILURES, known_of
@@ -37,7 +38,6 @@ from .search.standing import Standing
 from .start.as_it_is import AsItIs, as_it_is
 from .start.delays import without_delays
 from .start.hold import with_better_hold
-from .start.inflated import with_inertias_bounded
 from .start.noise_shown import with_noise_as_shown
 from .start.sizes_known import with_sizes_known
 
@@ -77,7 +77,8 @@ def diagnose(
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
         as_said = based(steadied, asking=True)
-        steadied, as_said, large = _held(with_inertias_bounded, steadied, as_said, based)
+        said, (steadied, as_said, large) = steadied, _held(with_inertias_bounded, steadied, as_said, based)
+        bounded = Bounded.between(said, steadied)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
@@ -88,6 +89,7 @@ def diagnose(
             settings=now.settings,
             seed=seed,
             held=Standing(problem=as_said.problem, model=problem.model, result=as_said.result) if straight else None,
+            bounded=bounded,
         )
         search.run()
     straight = straight if search.held is not None else ""

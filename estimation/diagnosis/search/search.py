@@ -22,6 +22,7 @@ from .choice import CLEAR, chosen, idle
 from .elimination import Bare
 from .findings import verdict
 from .fits import Base, Fits
+from .inflated import Bounded
 from .left_over import LeftOver
 from .one_level import OneLevel
 from .refit import QUICKLY, comparable, hidden, settled, worth_of
@@ -50,12 +51,12 @@ class Search:
     """What the search has found so far.
 
     standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
-    of what is drawn. held: the model as it is with its inputs held, as a study has them, where straight ones were better for it.
-    compared: whether models could be; cut: what may be missing in the model as it stands, and whose fit had no time. moved: how often the
-    model as it is went where a fit came to rest. asked: beside which candidate it was smoothed from the guesses, too. first: the model
-    without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem. before:
-    what there was before the last effect was found. aside: what was taken back to be sought again with these weights. last_tried: in the
-    last round.
+    of what is drawn. held: the model as it is with its inputs held, as a study has them, where straight ones were better for it. bounded:
+    inertias that are, while nothing was found. compared: whether models could be; cut: what may be missing in the model as it stands, and
+    whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed
+    from the guesses, too. first: the model without anything that was found, with weights from the data where it was smoothed with these;
+    first_weights: of its problem. before: what there was before the last effect was found. aside: what was taken back to be sought again
+    with these weights. last_tried: in the last round.
     """
 
     standing: Standing
@@ -70,6 +71,7 @@ class Search:
     before: Standing | None = None
     bare: Bare = field(init=False)
     held: Standing | None = None
+    bounded: Bounded = field(default_factory=Bounded)
     compared: bool = field(default=True, init=False)
     cut: tuple[str, ...] = field(default=(), init=False)
     moved: int = field(default=0, init=False)
@@ -127,6 +129,7 @@ class Search:
                 self._late_by_both()
                 self._of_one_level()
                 self._held_again()
+                self._released()
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
             if self.aside is not None:
@@ -195,6 +198,22 @@ class Search:
             self.first_left = left_over(self.held.problem, self.held.result)
             self.bare = Bare(problem=without_force(self.held.problem), model=self.held.model)
             self.standing, self.held = self.standing.at(held, one), None
+
+    def _released(self) -> None:
+        """Inertias that were bounded are free as the study has them, where they are told with what was found."""
+        names = self.bounded.pressing(self.problem, self.result) if self.fits.left > 0 else []
+        if not names:
+            return
+        what = f"{listed(names)} without the bound that held while nothing was found"
+        self.fits.say(what)
+        problem = settled(self.bounded.freed(self.problem, names), self.result)
+        found = self._again(problem, what)
+        if found is None or not found.solver.converged or not self.bounded.sound(problem, found):
+            return
+        if self._worth(problem, found).over(self.now) > 0:
+            self.standing = self.standing.at(problem, found)
+            self.bare = replace(self.bare, problem=self.bounded.freed(self.bare.problem, names))
+            self.held = self.held and replace(self.held, problem=self.bounded.freed(self.held.problem, names))
 
     def _eliminate(self) -> None:
         """What was found before the last effect and is nothing beside it goes out of the model again.

@@ -3,5 +3,4 @@
 as_it_is.py                                    the smoothing that all is held against
 misread.py, hold.py, delays.py                 columns, inputs and delays that may be other than the study says
 noise_shown.py, sizes_known.py                 noise and sizes that are held since nothing could be compared without
-inflated.py                                    inertias that would answer for what is missing
 """

@@ -1,0 +1,96 @@
+"""Inertias that came out far larger than anybody guessed, since the model lacks a force.
+
+Where a controller holds the motion, inputs answer what the model lacks, and the motion is smooth all the same: for white residual forces a
+larger inertia explains that better than any force does, the larger the better. Scores beside such a model tell nothing, and fits that begin
+there end there, or at nothing where numbers give out. With the inertia near its guess what is missing is seen.
+
+Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: m a = F + r, of which m is
+the inverse slope of a over F, comes out as m0 / (1 - s^2), s the share of the forces that is left over. A guess that is merely poor leaves
+no such force: an inertia that explains half of the mean square of the forces is no more than twice too large, and is what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+
+from ...problem import Free, Problem
+from ...results import Smoothing
+from ...supposed import noisy_inputs
+from ...wording import listed
+from ..scores.shares import left_over
+
+FAR = 3.0  # times its guess
+TOLD = 0.5  # of the mean square of the forces, that a model explains: its inertias are what they are
+NEAR = 1.01  # times a bound: one that would be beyond
+INERTIAS = ("kg", "kg.m2")
+NOTE = (
+    "With nothing put right {said}. While what is missing was looked for each was taken to be between a third and three times its guess. "
+    "Where its input only answers what the model lacks, under a stiff controller, give every input the noise of its measurement, V, and "
+    "residual forces next to none, W, in [weights]."
+)
+
+
+def with_inertias_bounded(problem: Problem, result: Smoothing) -> tuple[Problem, str]:
+    """The problem with such inertias of a result of it bounded, and a note on it; the problem itself and no note where there are none.
+
+    Nor where an input has noise of its own: it may answer what it will then.
+    """
+    bounded, said = dict[str, Free](), list[str]()
+    left = {} if noisy_inputs(problem) else left_over(problem, result)
+    for name, given in problem.parameters.items():
+        p = result.parameters.get(name)
+        if not left or p is None or p.unit not in INERTIAS or not isinstance(given, Free) or given.drift is not None or not given.guess > 0:
+            continue
+        told, times = 1.0 - _left_at(problem, name, left) ** 2, p.value / given.guess
+        if told > TOLD or (p.identifiable is not False and 1.0 / FAR <= times <= FAR):
+            continue
+        bounded[name] = replace(given, min=max(given.min, given.guess / FAR), max=min(given.max, given.guess * FAR))
+        said.append(f"{name} would be {p}, {times:.2g} times its guess")
+    if not said:
+        return problem, ""
+    return replace(problem, parameters={**problem.parameters, **bounded}), NOTE.format(said=listed(said))
+
+
+def _left_at(problem: Problem, inertia: str, left: Mapping[str, float]) -> float:
+    """The largest share of the forces that is left over at a place in the balance of which an inertia stands."""
+    dae = problem.dae
+    p = dae.p[[q.name for q in dae.parameters].index(inertia)]
+    places = [k for k, place in enumerate(dae.places) if place.name in left]
+    rows = dae.balances_of(places)
+    return max((left[dae.places[k].name] for k, row in zip(places, rows, strict=True) if ca.depends_on(dae.residual[row], p)), default=0.0)
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """Inertias that were bounded, as the study has them."""
+
+    own: Mapping[str, Free] = field(default_factory=dict)
+
+    @classmethod
+    def between(cls, study: Problem, problem: Problem) -> Bounded:
+        """Those that a study has otherwise than a problem of it."""
+        told = ((name, given) for name, given in study.parameters.items() if isinstance(given, Free))
+        return cls({name: given for name, given in told if problem.parameters.get(name) != given})
+
+    def pressing(self, problem: Problem, result: Smoothing) -> list[str]:
+        """Those that would be beyond bounds that they have only so."""
+        names = list[str]()
+        for name, own in self.own.items():
+            now, p = problem.parameters.get(name), result.parameters.get(name)
+            if p is None or not isinstance(now, Free):
+                continue
+            if (own.max > now.max < p.value * NEAR) or (own.min < now.min > p.value / NEAR):
+                names.append(name)
+        return names
+
+    def freed(self, problem: Problem, names: Sequence[str]) -> Problem:
+        """The problem with what the study has of these."""
+        return replace(problem, parameters={**problem.parameters, **{name: self.own[name] for name in names}})
+
+    def sound(self, problem: Problem, result: Smoothing) -> bool:
+        """Whether a result of a problem has none that would be bounded."""
+        asked = self.freed(problem, list(self.own))
+        return with_inertias_bounded(asked, result)[0] is asked
