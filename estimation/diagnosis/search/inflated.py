@@ -5,25 +5,28 @@ larger inertia explains that better than any force does, the larger the better. 
 there end there, or at nothing where numbers give out. With the inertia near its guess what is missing is seen.
 
 Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: m a = F + r, of which m is
-the inverse slope of a over F, comes out as m0 / (1 - s^2), s the share of the forces that is left over. A guess that is merely poor leaves
-no such force: an inertia that explains half of the mean square of the forces is no more than twice too large, and is what it is.
+the inverse slope of a over F, comes out as m0 / (1 - s^2), s = rms r / rms m a. A guess that is merely poor leaves no such force: an
+inertia with s^2 < 1/2 is no more than twice too large, and is what it is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import casadi as ca
 
+from backsight.ocp import Solution
+
 from ...problem import Free, Problem
 from ...results import Smoothing
+from ...smoothing.begun import in_the_middles
 from ...supposed import noisy_inputs
 from ...wording import listed
-from ..scores.shares import left_over
 
 FAR = 3.0  # times its guess
-TOLD = 0.5  # of the mean square of the forces, that a model explains: its inertias are what they are
+MOST = 0.5  # s^2
 NEAR = 1.01  # times a bound: one that would be beyond
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
@@ -38,14 +41,15 @@ def with_inertias_bounded(problem: Problem, result: Smoothing) -> tuple[Problem,
 
     Nor where an input has noise of its own: it may answer what it will then.
     """
-    bounded, said = dict[str, Free](), list[str]()
-    left = {} if noisy_inputs(problem) else left_over(problem, result)
+    bounded, said, solution = dict[str, Free](), list[str](), result.solution
+    if noisy_inputs(problem) or solution is None:
+        return problem, ""
     for name, given in problem.parameters.items():
         p = result.parameters.get(name)
-        if not left or p is None or p.unit not in INERTIAS or not isinstance(given, Free) or given.drift is not None or not given.guess > 0:
+        if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or given.drift is not None or not given.guess > 0:
             continue
-        told, times = 1.0 - _left_at(problem, name, left) ** 2, p.value / given.guess
-        if told > TOLD or (p.identifiable is not False and 1.0 / FAR <= times <= FAR):
+        times = p.value / given.guess
+        if (p.identifiable is not False and 1.0 / FAR <= times <= FAR) or _left(solution, result, name) ** 2 < MOST:
             continue
         bounded[name] = replace(given, min=max(given.min, given.guess / FAR), max=min(given.max, given.guess * FAR))
         said.append(f"{name} would be {p}, {times:.2g} times its guess")
@@ -54,13 +58,14 @@ def with_inertias_bounded(problem: Problem, result: Smoothing) -> tuple[Problem,
     return replace(problem, parameters={**problem.parameters, **bounded}), NOTE.format(said=listed(said))
 
 
-def _left_at(problem: Problem, inertia: str, left: Mapping[str, float]) -> float:
-    """The largest share of the forces that is left over at a place in the balance of which an inertia stands."""
-    dae = problem.dae
-    p = dae.p[[q.name for q in dae.parameters].index(inertia)]
-    places = [k for k, place in enumerate(dae.places) if place.name in left]
-    rows = dae.balances_of(places)
-    return max((left[dae.places[k].name] for k, row in zip(places, rows, strict=True) if ca.depends_on(dae.residual[row], p)), default=0.0)
+def _left(solution: Solution, result: Smoothing, inertia: str) -> float:
+    """s at the place where it is least: what is left over there over what an inertia makes of the motion, both rms; inf at no place."""
+    t = solution.transcription
+    p = t.dae.p[[q.name for q in t.dae.parameters].index(inertia)]
+    F = t.dae.undisturbed(t.dae.residual[t.dae.balances_of(t.soft)])
+    moved = in_the_middles(solution, ca.densify(ca.jacobian(F, p) * p)).std(axis=1)
+    left = [result.residual_places[t.dae.places[k].name].rms for k in t.soft]
+    return min((r / m for r, m in zip(left, moved.tolist(), strict=True) if m > 0), default=inf)
 
 
 @dataclass(frozen=True)
