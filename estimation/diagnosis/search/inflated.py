@@ -6,7 +6,8 @@ there end there, or at nothing where numbers give out. With the inertia near its
 
 Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: m a = F + r, of which m is
 the inverse slope of a over F, comes out as m0 / (1 - s^2), s = rms r / rms m a. A guess that is merely poor leaves no such force: an
-inertia with s^2 < 1/2 is no more than twice too large, and is what it is.
+inertia with s^2 < 1/2 is no more than twice too large, and is what it is, if the recordings tell it at all: beside a weight that swings
+slowly they may not.
 """
 
 from __future__ import annotations
@@ -48,10 +49,11 @@ def with_inertias_bounded(problem: Problem, result: Smoothing) -> tuple[Problem,
         p = result.parameters.get(name)
         if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or given.drift is not None or not given.guess > 0:
             continue
-        times = p.value / given.guess
-        if (p.identifiable is not False and 1.0 / FAR <= times <= FAR) or _left(solution, result, name) ** 2 < MOST:
+        low, high = max(given.min, given.guess / FAR), min(given.max, given.guess * FAR)
+        far, lost = not low <= p.value <= high, p.identifiable is False
+        if not (far and lost) and not ((far or lost) and _left(solution, result, name) ** 2 > MOST):
             continue
-        bounded[name] = replace(given, min=max(given.min, given.guess / FAR), max=min(given.max, given.guess * FAR))
+        bounded[name], times = replace(given, min=low, max=high), p.value / given.guess
         said.append(f"{name} would be {p}, {times:.2g} times its guess")
     if not said:
         return problem, ""
