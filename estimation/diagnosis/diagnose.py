@@ -28,6 +28,7 @@ from .evidence.offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof.contradicted import contradicted
 from .proof.proof import Case, Proof
 from .scores.onsets import clocks_notes
+from .search.findings import ranked
 from .search.fits import Fits, Progress
 from .search.inflated import Bounded, with_inertias_bounded
 from .search.keep import Keep
@@ -146,7 +147,7 @@ def diagnose(
         notes += clocks_notes(posed.recordings)
     return Diagnosis(
         verdict=verdict,
-        findings=search.standing.findings,
+        findings=ranked(search.standing.findings),
         before=first,
         after=without_offsets(search.result),
         repaired=replace(

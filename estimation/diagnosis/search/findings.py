@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from backsight.models.analysis.isolability import isolability, telling
 from ...problem import Problem
 from ...results import ParameterEstimate, Smoothing
 from ..answer.verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
+from ..answer.words import UNKNOWN
 from ..candidates.candidate import Candidate
 from ..evidence.offsets import PREFIX
 from ..scores.onsets import onset
@@ -203,12 +204,17 @@ def _unknown(place: str, parameters: Mapping[str, Strength]) -> Explanation:
     return Explanation(place=place, family="unknown", physics="unknown_physics", parameters=parameters)
 
 
+def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """A force without a name first, then what has the most evidence: a small effect may have been found before a large one."""
+    return tuple(sorted(findings, key=lambda f: (f.explanation.physics != UNKNOWN, -f.gain)))
+
+
 def verdict(findings: Sequence[Finding]) -> Class:
-    """One word for what was found."""
+    """One word for what was found, which is that for the first of them, ranked."""
     if not findings:
         return "none"
-    first = findings[0]
-    if first.explanation.physics == "unknown_physics":
+    first = ranked(findings)[0]
+    if first.explanation.physics == UNKNOWN:
         return "unknown_physics"
     if first.explanation.family == "parameter":
         return "parameter"  # what explains as much by more is no reason to doubt a number that was given

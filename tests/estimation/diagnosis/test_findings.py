@@ -21,7 +21,7 @@ from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.estimation.diagnosis.scores.screen import Screen, screen
 from backsight.estimation.diagnosis.scores.shares import Sizes
 from backsight.estimation.diagnosis.scores.supermodel import looked_at
-from backsight.estimation.diagnosis.search.findings import _chance, explained, finding, nameless, verdict
+from backsight.estimation.diagnosis.search.findings import _chance, explained, finding, nameless, ranked, verdict
 from backsight.estimation.diagnosis.search.refit import Fitted, fitted
 from backsight.estimation.results import ParameterEstimate, ResidualSummary
 from backsight.models import compile_model
@@ -82,6 +82,20 @@ def test_a_number_of_the_model_does_not_stand_against_one_that_the_study_gives(f
     wrong = Explanation(place="slide", family="parameter", physics="wrong_parameter", subject=("slide.m",), given=other)
     added = Explanation(place="wheel", family="inertia", physics="added_mass", given=first)
     assert verdict([Finding(explanation=added, p_value=0.0, gain=50.0, change="", share=None, rivals=(wrong,))]) == word
+
+
+def test_what_has_the_most_evidence_is_the_answer_whatever_was_found_first():
+    """A kinematic error that was seen first, or a spring; then friction beside it. A force without a name has no evidence."""
+    wave = Explanation(place="sensor:q", family="sensor", physics="kinematic_error")
+    spring = Explanation(place="joint", family="elasticity", physics="spring")
+    friction = Explanation(place="joint", family="friction", physics="coulomb_friction")
+    small = Finding(explanation=wave, p_value=0.0, gain=19.0, change="", share=None, rivals=(spring,))
+    large = Finding(explanation=friction, p_value=0.0, gain=700.0, change="", share=None)
+    unknown = replace(large, explanation=replace(friction, physics="unknown_physics"), gain=0.0)
+    assert ranked([small, large, unknown]) == (unknown, large, small)
+    assert verdict([small, large]) == "missing_physics"
+    assert verdict([small]) == "undecided"
+    assert verdict([small, large, unknown]) == "unknown_physics"
 
 
 @pytest.mark.parametrize(("score", "fit", "told"), [(40.0, 35.0, True), (40.0, 900.0, True), (3.0, 900.0, False), (3.0, 4.0, True)])
