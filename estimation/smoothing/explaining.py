@@ -15,6 +15,7 @@ from .along import forces
 UNEXPLAINED = 0.5  # of the largest term of a balance: a residual force that large takes the model's part
 STRAY = 1e-6  # of a guess, or one over it: what no unit explains
 EXPLAINS_NOTHING = "the model explains next to nothing"
+MISSING = "Where these are right a force as large as all others is missing: `diagnose` looks for what that is."
 ZERO, ENDLESS = "ran to nothing", "grew beyond all measure"
 
 
@@ -35,7 +36,7 @@ def on_explaining(problem: Problem, solution: Solution, residuals: Mapping[str, 
     explains = f"{EXPLAINS_NOTHING}. Check units and signs of inputs and outputs{given}"
     ends = [f"{listed(names)} {how}" for names, how in ((held, "ended on a bound"), (small, ZERO), (large, ENDLESS)) if names]
     remedy = f", and fix one of {listed([*small, *large])}, or W there" if len(small) + len(large) > 1 else ""
-    return [f"{listed(parts)}, and {listed(ends)}: {explains}{remedy}."] if parts else []
+    return [f"{listed(parts)}, and {listed(ends)}: {explains}{remedy}. {MISSING}"] if parts else []
 
 
 def _strays(problem: Problem, solution: Solution) -> tuple[list[str], list[str]]:
