@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...problem import Free, Problem, Weights
-from ...results import Smoothing
-from ...smoothing.program import Settings
+from ...problem import Free
 from ...wording import listed
 from ..answer.verdict import Class, Finding, Tried, Undetectable
 from ..answer.words import UNKNOWN
 from ..candidates.candidate import Candidate
-from ..evidence.latent import Latent, without_force
-from ..evidence.worth import Worth
-from ..scores.shares import Sizes, left_over, limits
+from ..evidence.latent import Latent
+from ..scores.shares import Sizes, limits
+from .amended import amend
 from .choice import CLEAR, chosen, idle
-from .elimination import Bare
 from .findings import verdict
-from .fits import Base, Fits
-from .inflated import Bounded
+from .fits import Base
 from .left_over import LeftOver
-from .one_level import OneLevel
-from .refit import QUICKLY, comparable, hidden, settled, worth_of
+from .refit import QUICKLY, comparable, hidden, settled
 from .refusals import loose
 from .round import Best, Round
 from .standing import FEW, Standing
+from .state import State
 
 EFFECTS = 6
 MOVES = 3  # times that the model as it is goes where a fit came to rest
@@ -36,9 +32,7 @@ AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at m
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
 OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
-BY = {"tau", "delay"}  # what a lag and a delay have
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
-
 
 INCOMPARABLE = (
     "No models were compared: where the model as it is came to rest the recordings do not tell its parameters and states apart. Give what "
@@ -47,60 +41,26 @@ INCOMPARABLE = (
 
 
 @dataclass
-class Search:
-    """What the search has found so far.
+class Search(State):
+    """The rounds, and what came of them besides the model as it stands.
 
-    standing: the model with that, at first as it was declared. fits: where candidates are fitted, and until when; settings: of these; seed:
-    of what is drawn. held: the model as it is with its inputs held, as a study has them, where straight ones were better for it. bounded:
-    inertias that are, while nothing was found. compared: whether models could be; cut: what may be missing in the model as it stands, and
-    whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed
-    from the guesses, too. first: the model without anything that was found, with weights from the data where it was smoothed with these;
-    first_weights: of its problem. before: what there was before the last effect was found. aside: what was taken back to be sought again
-    with these weights. last_tried: in the last round.
+    seed: of what is drawn. tried: what was fitted, last_tried: in the last round. before: what there was before the last effect was found;
+    aside: what was taken back to be sought again with weights from the data. compared: whether models could be; cut: what may be missing in
+    the model as it stands, and whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside
+    which candidate it was smoothed from the guesses, too.
     """
 
-    standing: Standing
-    fits: Fits
-    settings: Settings = QUICKLY
     seed: int = 0
     tried: list[Tried] = field(default_factory=list)
     last_tried: Sequence[Tried] = ()
     undetectable: list[Undetectable] = field(default_factory=list)
-    first_left: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     before: Standing | None = None
-    bare: Bare = field(init=False)
-    held: Standing | None = None
-    bounded: Bounded = field(default_factory=Bounded)
+    aside: Standing | None = field(default=None, init=False, repr=False)
     compared: bool = field(default=True, init=False)
     cut: tuple[str, ...] = field(default=(), init=False)
     moved: int = field(default=0, init=False)
     asked: Candidate | None = field(default=None, init=False)
-    first: Smoothing = field(init=False, repr=False)
-    first_weights: Weights = field(init=False, repr=False)
-    aside: Standing | None = field(default=None, init=False, repr=False)
-    _sizes: Sizes = field(init=False, repr=False)
-    _checked: Smoothing | None = field(default=None, init=False, repr=False)
-    _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self.bare = Bare(problem=without_force(self.standing.problem), model=self.standing.model)
-        self.first, self.first_weights = self.standing.result, self.standing.problem.weights
-
-    @property
-    def problem(self) -> Problem:
-        """The problem with what was found so far."""
-        return self.standing.problem
-
-    @property
-    def result(self) -> Smoothing:
-        """Its smoothing."""
-        return self.standing.result
-
-    @property
-    def most_left(self) -> float:
-        """The largest share of the forces at a place that is left over."""
-        return max(left_over(self.problem, self.result).values(), default=self._sizes.most)
 
     def run(self) -> None:
         """Rounds until nothing more is found; then what could not have been seen.
@@ -125,11 +85,7 @@ class Search:
                 tried = True
                 more |= self._weighed()
             if more:
-                self._eliminate()
-                self._late_by_both()
-                self._of_one_level()
-                self._held_again()
-                self._released()
+                amend(self)
         self.fits = replace(self.fits, owed=0.0)
         if late or self.fits.left == 0:
             if self.aside is not None:
@@ -139,7 +95,7 @@ class Search:
             self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
         if self.cut:
             self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
-        self._on_a_checked_mesh()
+        self.on_a_checked_mesh()
         self.renew()
         self._limits(scored)
 
@@ -147,34 +103,20 @@ class Search:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
         for k in range(AGAIN if self.settings.weigh else 0):
             problem = settled(self.problem, self.result)
-            again = self._again(problem, f"the model as it is, as fits are, {k + 1}")
+            again = self.again(problem, f"the model as it is, as fits are, {k + 1}")
             if again is None:
                 return
-            more = self._worth(problem, again).over(self.now)
+            more = self.worth(problem, again).over(self.now)
             if self.result.solver.converged and not more > 0:
                 return
             self.standing = self.standing.at(problem, again)
             if more < WORTH:
                 return
 
-    def _on_a_checked_mesh(self) -> None:
-        """The model with what was found on a mesh that no longer moves its numbers: candidates are compared on that which it began with.
-
-        Nothing where it is on such a mesh already. Components of what a richer law has taken over wholly are not in it.
-        """
-        if self.standing.findings and self.fits.left > 0 and self.result is not self._checked:
-            self.fits.say("the mesh, with what was found")
-            base = replace(self._base, settings=replace(self.settings, check_mesh=True))
-            holds = "".join(f", {r.name} {r.hold}" for r in self.problem.recordings)
-            problem, model = self.standing.tidied(self.bare)
-            self._checked = self.fits.again(base, settled(problem, self.result), f"on a checked mesh{holds}")
-            if self._checked is not None:
-                self.standing = self.standing.at(problem, self._checked, model)
-
     def _finer(self) -> None:
         """The same at once, and for all that comes: what a lag makes of a mesh that is too coarse for it, further effects would explain."""
         had = self.result.solution
-        self._on_a_checked_mesh()
+        self.on_a_checked_mesh()
         now = self.result.solution
         if had is None or now is None:
             return
@@ -182,137 +124,13 @@ class Search:
         if len(after.nlp.steps) > FINER * len(before.nlp.steps):
             self.settings = replace(self.settings, step=min(float(np.median(h.mesh.steps)) for h in after.horizons))
 
-    def _held_again(self) -> None:
-        """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones.
-
-        Then the model without it is the one with held inputs, too.
-        """
-        if self.held is None or not self.standing.findings or self.fits.left == 0:
-            return
-        self.fits.say("held inputs again, with what was found")
-        straight = settled(self.problem, self.result)
-        held = replace(straight, recordings=self.held.problem.recordings)
-        one, other = self._again(held, "held inputs"), self._again(straight, "straight inputs")
-        if one is not None and (other is None or self._worth(held, one).over(self._worth(straight, other)) > 0):
-            self.first, self.first_weights = self.held.result, self.held.problem.weights
-            self.first_left = left_over(self.held.problem, self.held.result)
-            self.bare = Bare(problem=without_force(self.held.problem), model=self.held.model)
-            self.standing, self.held = self.standing.at(held, one), None
-
-    def _released(self) -> None:
-        """Inertias that were bounded are free as the study has them, where they are told with what was found."""
-        names = self.bounded.pressing(self.problem, self.result) if self.fits.left > 0 else []
-        if not names:
-            return
-        what = f"{listed(names)} without the bound that held while nothing was found"
-        self.fits.say(what)
-        problem = settled(self.bounded.freed(self.problem, names), self.result)
-        found = self._again(problem, what)
-        if found is None or not found.solver.converged or not self.bounded.sound(problem, found):
-            return
-        if self._worth(problem, found).over(self.now) > 0:
-            self.standing = self.standing.at(problem, found)
-            self.bare = replace(self.bare, problem=self.bounded.freed(self.bare.problem, names))
-            self.held = self.held and replace(self.held, problem=self.bounded.freed(self.held.problem, names))
-
-    def _eliminate(self) -> None:
-        """What was found before the last effect and is nothing beside it goes out of the model again.
-
-        Where that made a difference, what stayed is asked once more: it may have stood for what is gone.
-        """
-        while self._without_idle_ones():
-            pass
-
-    def _without_idle_ones(self) -> bool:
-        """One turn of that; whether something is gone."""
-        before = len(self.standing.accepted)
-        for k in reversed(range(before - 1)):
-            c = self.standing.accepted[k]
-            if not idle(c, self.result):
-                continue
-            self.fits.say(f"{c.title} is nothing beside what was found later")
-            found = self.without(k)
-            if found is None or (more := self._worth(found.problem, found.result).over(self.now)) < -CLEAR:
-                continue
-            self.standing = found.instead_of(self.standing.findings[k], more)
-        return len(self.standing.accepted) < before
-
-    def _late_by_both(self) -> None:
-        """A delay stays alone where it does as well as it does beside a lag of the same signal that was found first; or a lag, likewise.
-
-        As late as both are: no small steps lead there from where each makes good what the other one is not.
-        """
-        if not self.standing.accepted or self.fits.left == 0:
-            return
-        *before, new = self.standing.accepted
-        pair = next((k for k, old in enumerate(before) if old.place == new.place and {*old.named, *new.named} == BY), None)
-        if pair is None:
-            return
-        *other, path = (path for c in (before[pair], new) for path in c.named.values())
-        free = self.problem.parameters[path]
-        if not isinstance(free, Free):
-            return
-        whole = sum(self.result.parameters[name].value for name in (*other, path))
-        self.fits.say(f"{new.title} alone")
-        found = self.without(pair, begin={path: replace(free, guess=min(whole, free.max))})
-        if found is not None and self._worth(found.problem, found.result).over(self.now) > -CLEAR:
-            self.standing = found.gaining(self.standing.findings[pair].gain)
-
-    def _of_one_level(self) -> None:
-        """Friction of one level where that is as good, beside a constant force that was found after friction of two."""
-        posed = OneLevel.of(self.standing, self.bare, self.first) if self.fits.left > 0 else None
-        if posed is None:
-            return
-        what = f"{posed.candidate.title} instead of {self.standing.accepted[posed.number].title}"
-        self.fits.say(what)
-        found = self._again(posed.problem, what)
-        if found is not None and self._worth(posed.problem, found).over(self.now) > -CLEAR:
-            self.standing = posed.instead(self.standing, found, self._sizes)
-
-    def without(self, k: int, least: float = 0.0, begin: Mapping[str, Free] | None = None) -> Standing | None:
-        """Without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
-
-        least: time that the fit has when the search's is over [s]. begin: parameters that begin elsewhere than where they are.
-        """
-        posed = self.standing.having(self.standing.others(k), self.bare)
-        if posed is None:
-            return None
-        problem, c = settled(posed[0], self.result), self.standing.accepted[k]
-        problem = replace(problem, parameters={**problem.parameters, **(begin or {})})
-        what = f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}"
-        found = self.fits.again(self._base, problem, f"{what}, {begin}" if begin else what, least=least)
-        return None if found is None else self.standing.taking_out(k, self.standing.at(problem, found, posed[1]))
-
-    def _again(self, problem: Problem, what: str) -> Smoothing | None:
-        return self.fits.again(self._base, problem, what)
-
-    @property
-    def _base(self) -> Base:
-        changes = tuple(f.change for f in self.standing.findings)
-        return Base(problem=self.problem, model=self.standing.model, result=self.result, settings=self.settings, changes=changes)
-
-    @property
-    def now(self) -> Worth:
-        """What the model as it is is worth."""
-        if self._told is None or self._told[0] is not self.result or self._told[1] is not self.settings.weigh:
-            self._told = self.result, self.settings.weigh, self._worth(self.problem, self.result)
-        return self._told[2]
-
-    def _worth(self, problem: Problem, result: Smoothing) -> Worth:
-        """What the models of one round compare by."""
-        return worth_of(problem, result, weighed=self.settings.weigh)
-
-    def renew(self) -> None:
-        """What was found has the numbers that it has in the model as it stands."""
-        self.standing = self.standing.renewed(self._sizes)
-
     def _scored(self) -> Round:
         """All candidates beside the model as it is; as much time as that takes is owed to the scores that come after its fits."""
         now, began = self.standing, time.time()
         self.fits.say(f"round {len(now.findings) + 1}: scores")
         brought = loose(now.findings, now.accepted, self.bare.model, now.model)
-        scored = Round.of(self._base, self.bare, now.accepted, brought, self.fits, self.seed)
-        self._sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
+        scored = Round.of(self.base, self.bare, now.accepted, brought, self.fits, self.seed)
+        self.sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
         self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
         return replace(scored, fits=self.fits)
 
@@ -329,8 +147,8 @@ class Search:
         self.asked = accepted[-1]
         posed = self.standing.having(accepted, self.bare)
         self.fits.say("the model with what was found, from the guesses")
-        found = None if posed is None else self.fits.anew(self._base, posed[0])
-        if posed is None or found is None or not self._worth(*found).over(self.now) > CLEAR:
+        found = None if posed is None else self.fits.anew(self.base, posed[0])
+        if posed is None or found is None or not self.worth(*found).over(self.now) > CLEAR:
             return False
         self.standing = self.standing.at(*found, posed[1])
         return True
@@ -363,13 +181,13 @@ class Search:
         once more, for a force with a memory and less than its share gains as much.
         """
         self.fits.say("weights from the data")
-        found = self.fits.weighed(self._base, self.problem, self.result)
+        found = self.fits.weighed(self.base, self.problem, self.result)
         if found is None:
             return False
         now, found = self.standing.at(*found), None
         if self.before is not None and (idle(now.accepted[-1], now.result) or now.findings[-1].gain < FEW):
             self.fits.say(f"{now.accepted[-1].title} is asked again")
-            found = self.fits.weighed(self._base, self.before.problem, now.result)
+            found = self.fits.weighed(self.base, self.before.problem, now.result)
         if self.before is not None and found is not None:
             self.aside = None if idle(now.accepted[-1], now.result) else now
             now = self.before.at(*found)
@@ -401,9 +219,9 @@ class Search:
         for name, (whole, share) in c.rounded.items():
             free[name] = share * self.result.parameters[whole].value
         problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
-        found = self._again(problem, f"{c.title}, as it was found")
+        found = self.again(problem, f"{c.title}, as it was found")
         least = -LOST * self.standing.findings[-1].gain if c.rounded else 0.0
-        if found is not None and (more := self._worth(problem, found).over(self.now)) > least:
+        if found is not None and (more := self.worth(problem, found).over(self.now)) > least:
             self.standing = self.standing.at(problem, found).gaining(more)
 
     def _limits(self, scored: Round) -> None:
@@ -414,7 +232,7 @@ class Search:
 
     def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
-        left = LeftOver(base=self._base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
+        left = LeftOver(base=self.base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
         refused = sorted((t for t in self.last_tried if t.refused and t.fitted is not None), key=lambda t: -(t.fitted or 0.0))
         rest = left.told(refused)
         if isinstance(rest, Finding):

@@ -57,7 +57,7 @@ def test_its_weight_is_that_of_the_force(search: Search) -> None:
 @pytest.mark.parametrize(("less", "needed"), [(1.02, False), (8.0, True), (100.0, True)])
 def test_recordings_need_it_where_they_are_less_likely_with_so_many_times_less(search: Search, less: float, needed: bool) -> None:
     sizes = SimpleNamespace(left={"carriage": less * FLOOR / 2})
-    rest = LeftOver(base=search._base, sizes=sizes, first={}, fits=search.fits)  # type: ignore[arg-type]
+    rest = LeftOver(base=search.base, sizes=sizes, first={}, fits=search.fits)  # type: ignore[arg-type]
     assert rest.needed("carriage") is needed
 
 
@@ -114,7 +114,7 @@ def test_weights_are_sought_from_a_model_that_had_a_lag_more(search: Search) -> 
     assert solution is not None
     near = smoothing(late, settings=QUICKLY, begin=Begun.of(solution, late))
     fits = replace(search.fits, end=time.time() + 1e3)
-    again = fits.weighed(search._base, search.problem, near)
+    again = fits.weighed(search.base, search.problem, near)
     assert again is not None
     assert again[1].solver.converged
 

@@ -1,0 +1,116 @@
+"""What is asked of what was found, once a round has kept something: whether all of it stays, and whether what held before still does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...problem import Free
+from ...wording import listed
+from ..evidence.latent import without_force
+from ..scores.shares import left_over
+from .choice import CLEAR, idle
+from .elimination import Bare
+from .one_level import OneLevel
+from .refit import settled
+from .state import State
+
+BY = {"tau", "delay"}  # what a lag and a delay have
+
+
+def amend(state: State) -> None:
+    """All of it, one after the other."""
+    for ask in (eliminate, late_by_both, of_one_level, held_again, released):
+        ask(state)
+
+
+def eliminate(state: State) -> None:
+    """What was found before the last effect and is nothing beside it goes out of the model again.
+
+    Where that made a difference, what stayed is asked once more: it may have stood for what is gone.
+    """
+    while _without_idle_ones(state):
+        pass
+
+
+def _without_idle_ones(state: State) -> bool:
+    """One turn of that; whether something is gone."""
+    before = len(state.standing.accepted)
+    for k in reversed(range(before - 1)):
+        c = state.standing.accepted[k]
+        if not idle(c, state.result):
+            continue
+        state.fits.say(f"{c.title} is nothing beside what was found later")
+        found = state.without(k)
+        if found is None or (more := state.worth(found.problem, found.result).over(state.now)) < -CLEAR:
+            continue
+        state.standing = found.instead_of(state.standing.findings[k], more)
+    return len(state.standing.accepted) < before
+
+
+def late_by_both(state: State) -> None:
+    """A delay stays alone where it does as well as it does beside a lag of the same signal that was found first; or a lag, likewise.
+
+    As late as both are: no small steps lead there from where each makes good what the other one is not.
+    """
+    if not state.standing.accepted or state.fits.left == 0:
+        return
+    *before, new = state.standing.accepted
+    pair = next((k for k, old in enumerate(before) if old.place == new.place and {*old.named, *new.named} == BY), None)
+    if pair is None:
+        return
+    *other, path = (path for c in (before[pair], new) for path in c.named.values())
+    free = state.problem.parameters[path]
+    if not isinstance(free, Free):
+        return
+    whole = sum(state.result.parameters[name].value for name in (*other, path))
+    state.fits.say(f"{new.title} alone")
+    found = state.without(pair, begin={path: replace(free, guess=min(whole, free.max))})
+    if found is not None and state.worth(found.problem, found.result).over(state.now) > -CLEAR:
+        state.standing = found.gaining(state.standing.findings[pair].gain)
+
+
+def of_one_level(state: State) -> None:
+    """Friction of one level where that is as good, beside a constant force that was found after friction of two."""
+    posed = OneLevel.of(state.standing, state.bare, state.first) if state.fits.left > 0 else None
+    if posed is None:
+        return
+    what = f"{posed.candidate.title} instead of {state.standing.accepted[posed.number].title}"
+    state.fits.say(what)
+    found = state.again(posed.problem, what)
+    if found is not None and state.worth(posed.problem, found).over(state.now) > -CLEAR:
+        state.standing = posed.instead(state.standing, found, state.sizes)
+
+
+def held_again(state: State) -> None:
+    """Back to held inputs where these are better with what was found: what was missing may have looked like straight ones.
+
+    Then the model without it is the one with held inputs, too.
+    """
+    if state.held is None or not state.standing.findings or state.fits.left == 0:
+        return
+    state.fits.say("held inputs again, with what was found")
+    straight = settled(state.problem, state.result)
+    held = replace(straight, recordings=state.held.problem.recordings)
+    one, other = state.again(held, "held inputs"), state.again(straight, "straight inputs")
+    if one is not None and (other is None or state.worth(held, one).over(state.worth(straight, other)) > 0):
+        state.first, state.first_weights = state.held.result, state.held.problem.weights
+        state.first_left = left_over(state.held.problem, state.held.result)
+        state.bare = Bare(problem=without_force(state.held.problem), model=state.held.model)
+        state.standing, state.held = state.standing.at(held, one), None
+
+
+def released(state: State) -> None:
+    """Inertias that were bounded are free as the study has them, where they are told with what was found."""
+    names = state.bounded.pressing(state.problem, state.result) if state.fits.left > 0 else []
+    if not names:
+        return
+    what = f"{listed(names)} without the bound that held while nothing was found"
+    state.fits.say(what)
+    problem = settled(state.bounded.freed(state.problem, names), state.result)
+    found = state.again(problem, what)
+    if found is None or not found.solver.converged or not state.bounded.sound(problem, found):
+        return
+    if state.worth(problem, found).over(state.now) > 0:
+        state.standing = state.standing.at(problem, found)
+        state.bare = replace(state.bare, problem=state.bounded.freed(state.bare.problem, names))
+        state.held = state.held and replace(state.held, problem=state.bounded.freed(state.held.problem, names))
