@@ -26,12 +26,12 @@ from ...smoothing.begun import in_the_middles
 from ...supposed import noisy_inputs
 from ...wording import listed
 
-FAR = 3.0  # times its guess
+FAR = 2.0  # times its guess
 MOST = 0.5  # s^2
 NEAR = 1.01  # times a bound: one that would be beyond
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
-    "With nothing put right {said}. While what is missing was looked for each was taken to be between a third and three times its guess. "
+    "With nothing put right {said}. While what is missing was looked for each was taken to be between half its guess and twice that. "
     "Where its input only answers what the model lacks, under a stiff controller, give every input the noise of its measurement, V, and "
     "residual forces next to none, W, in [weights]."
 )

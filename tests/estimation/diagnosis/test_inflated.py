@@ -24,10 +24,10 @@ def sprung(_, x, __):
 def test_an_inertia_that_would_answer_for_what_is_missing_is_bounded():
     made = posed(run(3.0, STEP, force=lambda _, x, __: -4e3 * x), W={})
     found = smooth(made)
-    assert found.parameters["carriage.m"].value > 300.0
+    assert found.parameters["carriage.m"].value > 180.0
     held, said = with_inertias_bounded(made, found)
     mass = held.parameters["carriage.m"]
-    assert (mass.min, mass.max) == (30.0, 270.0)
+    assert (mass.min, mass.max) == (45.0, 180.0)
     assert held.parameters["friction.d"] == made.parameters["friction.d"]
     assert "With nothing put right carriage.m would be" in said
     given = replace(made, weights=Weights(V={"F": 1.0}))
@@ -50,7 +50,7 @@ def test_nor_is_one_that_was_merely_guessed_badly(times, f_c):
     """Its forces explain the motion."""
     made = guessed(posed(run(2.0, STEP, f_c=f_c), W={}), times)
     found = smooth(made)
-    assert found.parameters["carriage.m"].value > 3.0 * MASS / times
+    assert found.parameters["carriage.m"].value > 2.0 * MASS / times
     assert with_inertias_bounded(made, found) == (made, "")
 
 
@@ -63,7 +63,7 @@ def test_a_guess_that_is_far_off_is_nothing_that_is_missing():
 
 @pytest.mark.slow
 def test_a_mass_is_not_held_to_a_guess_that_is_far_off_once_a_spring_was_found():
-    """Without the spring it ends beyond 1e20 kg; three times the guess are half of what it is."""
+    """Without the spring it ends beyond 1e20 kg; twice the guess is a third of what it is."""
     d = diagnose(guessed(posed(run(3.0, STEP, force=sprung), W={}), 6), jobs=1)
     (found,) = d.findings
     assert found.explanation.words == "spring at carriage"
