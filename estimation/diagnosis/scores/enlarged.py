@@ -55,20 +55,9 @@ class Enlarged:
         values, decisions = self._values(parameters)
         rows = self._program.nlp.evaluated.rows(values.scaled(decisions), values)
         for k, row, term in zip(self._numbered, rows, self._program.nlp.terms, strict=True):
-            own = self._own[k]
+            own = self._base.solution.rows[k]
             if row.shape != own.shape or not np.allclose(row, own, rtol=SAME, atol=SAME * max(1.0, float(np.abs(own).max(initial=0.0)))):
                 raise ValueError(f"the larger model does not hold the solution: {term.name} differ")
-
-    @cached_property
-    def _own(self) -> list[Array]:
-        """Rows of the solution itself with its decisions measured from where they are, as those of the larger model.
-
-        From where the solve had them measured the last digits are others, and rows that must vanish are made of nothing else.
-        """
-        s = self._base.solution
-        nlp = s.transcription.nlp
-        there = nlp.about(s.values, s.solved.decisions)
-        return nlp.evaluated.rows(there.scaled(s.solved.decisions), there)
 
     def columns(self, parameters: Array) -> Columns:
         """The derivatives in all strengths, with these values of the other parameters."""

@@ -192,20 +192,6 @@ def test_a_model_that_does_not_hold_the_solution_is_refused():
         enlarged(solution, dae, ["friction.f_c"], other)
 
 
-def test_a_solution_is_held_wherever_its_decisions_were_measured_from():
-    """Rows that must vanish are rounding of what they are made of, which is other digits where the solve measured from far away."""
-    problem = posed(run(0.15))
-    solution = smooth(problem).solution
-    nlp, there = solution.transcription.nlp, solution.solved.decisions
-    away = np.concatenate([1e11 * there[: nlp.trajectory_size], there[nlp.trajectory_size :]])
-    far = replace(solution, values=nlp.about(solution.values, away))
-    rows = [far.solver.rows(there, values) for values in (solution.values, far.values)]
-    assert max(float(np.abs(a - b).max()) for a, b in zip(*rows, strict=True)) > 1e-3
-    dae = compile_model(problem.model)
-    columns = [enlarged(one, dae, ["friction.f_c"], values_of(solution, dae, {})) for one in (solution, far)]
-    assert columns[1].multiplied == pytest.approx(columns[0].multiplied, rel=1e-3)
-
-
 def test_what_acts_near_rest_alone_is_nothing_while_moving():
     """A model with Coulomb friction of an axis that reverses: a force there, and a force elsewhere."""
     problem = posed(run(1.5, f_c=20.0), friction__f_c=Free(15.0))
