@@ -105,10 +105,14 @@ class Candidates:
     def _definition_key(self, i: int, name: str, held: Held) -> tuple[int, ...]:
         """Least rank first, unit coefficients first, last declared first; but connectors in the order of the rows, aliases first.
 
-        Aliases a = b do not lengthen other rows; a sum of three such as s_rel = a - b used before them would grow along a chain.
+        Aliases a = b do not lengthen other rows; a sum of three such as s_rel = a - b used before them would grow along a chain. Of rows
+        that may define the same variable those go last that hold derivatives and belong to another component: a lag stays as it is whatever
+        its input comes from.
         """
         rank, other = self.rank[name], 0 if _is_unit(held.slopes[name]) else 1
-        return (DEFINITION, rank, other, *((-self.order[name], i) if rank or other else (len(held.symbols) > 2, i, -self.order[name])))
+        plain = len(held.symbols) > 2, i, -self.order[name]
+        foreign = bool(held.rates) and not name.startswith(f"{self.equations[i].component}.")
+        return (DEFINITION, rank, other, *((-self.order[name], foreign, i) if rank or other else plain))
 
     def _defined_by(self, held: Held) -> list[str]:
         """The variables that this row may define."""

@@ -23,6 +23,7 @@ from backsight.models.compilation.eliminate import clean
 from backsight.models.mechanics.rotational import Gear, Inertia, Rack, RotationalFixed, RotationalSpring, Torque
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, Rigid, Spring, VelocitySensor
 from backsight.models.plants import actuator
+from backsight.models.signals import Gain, Lag, Offset
 
 
 def geared() -> Model:
@@ -221,3 +222,18 @@ def test_a_rate_inside_a_step_is_no_kinematic_row() -> None:
     assert dae.kinematics == ()
     rows = ca.Function("rows", [dae.dx, dae.x], [dae.residual])
     assert rows([1.0, -0.5], [0.5, 2.0]).full()[:, 0] == pytest.approx([0.0, 0.0])
+
+
+def test_the_equation_of_a_lag_is_the_same_whatever_stands_before_it() -> None:
+    """Row by row, not divided by its time constant: what a gain there would do is judged by the rows of the model without it."""
+    alone = actuator().insert("input:F", Lag(tau=0.01), "late")
+    before = alone.insert("input:F", Gain(), "amplifier").insert("input:F", Offset(), "zero")
+    rows = []
+    for model in (alone, before):
+        dae, rng = compile_model(model), np.random.default_rng(1)
+        assert [e.origin for e in dae.equations][-1] == "lag of late"
+        point = dae.dx, dae.x, dae.z, dae.u, dae.w, dae.t
+        at = [rng.uniform(-1.0, 1.0, s.shape[0]) for s in point]
+        residual = ca.Function("residual", [*point, dae.p], [dae.residual])
+        rows.append(np.asarray(residual(*at, dae.parameter_values())).ravel())
+    assert rows[1] == pytest.approx(rows[0], abs=1e-12)
