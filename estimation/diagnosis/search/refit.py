@@ -45,7 +45,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 FAILURES = (InputError, SolveError, ArithmeticError, np.linalg.LinAlgError)  # of a smoothing whose model may be wrong
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
 PLAINLY = 100.0  # nats: a coupling that gains so much where it has not come to rest has not been fitted for nothing
-ONWARD = 3  # times that a fit from the guesses goes on where its limit of iterations left it, at most
+ONWARD = 3  # times that a fit from the guesses, or of a coupling, goes on where its limit of iterations left it, at most
 HOLDING = ("coulomb_friction", "stribeck_friction")
 PATIENT = Options(
     tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
@@ -212,7 +212,8 @@ def fitted(
     """The candidate's problem smoothed, its parameters from `start`; base: the base model's smoothing, with its solution.
 
     anew: not from there, but from the problem's own guesses, as any study is; at the weights of that solution, where weights are held.
-    A coupling whose contacts keep it from coming to rest goes on once more where it gains plainly; then what it gains there counts.
+    A coupling that its limit of iterations left goes on where it is not plainly worse than the model that it holds. One whose contacts keep
+    it from coming to rest counts all the same where it gains plainly.
     """
     begin = base.solution
     if begin is None:
@@ -241,9 +242,10 @@ def fitted(
             again = _in_time(settled(weighed, result), wider, there, end)
             again, late = (None, True) if again is None else _gone_on(weighed, again, wider, 1, end)
             result = again if again is not None and again.solver.converged else result
-        plain = candidate.dear and not result.solver.converged and _plainly_better(now, result, problem, base, settings)
-        if plain:
-            result, late = _gone_on(weighed, result, settings, 1, end)
+        stopped = candidate.dear and not result.solver.converged
+        if stopped and _gained(now, result, problem, base, settings) > -PLAINLY:
+            result, late = _gone_on(weighed, result, settings, ONWARD, end)
+        plain = stopped and not result.solver.converged and _gained(now, result, problem, base, settings) > PLAINLY
     except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=not plain)
@@ -271,10 +273,9 @@ def _in_time(problem: Problem, settings: Settings, begin: Solution | Begun, end:
         return None
 
 
-def _plainly_better(now: Problem, result: Smoothing, problem: Problem, base: Smoothing, settings: Settings) -> bool:
-    """Whether a model is more probable than the one that it holds, though it may be better still: a lower bound, but for its curvature."""
-    worth, before = worth_of(now, result, weighed=settings.weigh), worth_of(problem, base, weighed=settings.weigh)
-    return worth.over(before) > PLAINLY
+def _gained(now: Problem, result: Smoothing, problem: Problem, base: Smoothing, settings: Settings) -> float:
+    """Nats by which a model is more probable than the one it holds, though it may be better still: the least, but for its curvature."""
+    return worth_of(now, result, weighed=settings.weigh).over(worth_of(problem, base, weighed=settings.weigh))
 
 
 def _other_widths(problem: Problem, result: Smoothing) -> dict[str, float]:
