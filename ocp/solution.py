@@ -61,7 +61,7 @@ class Solution:
     def curvature_with(self, known: NDArray[np.int64]) -> Curvature | None:
         """The same with other decisions that cannot move."""
         hessian, jacobian, softness = self.solver.kkt(self.solved.decisions, self.values)
-        if not np.isfinite([hessian.data.sum(), jacobian.data.sum()]).all():
+        if not (np.isfinite(hessian.data).all() and np.isfinite(jacobian.data).all()):
             return None
         try:
             found = curvature(self.transcription.nlp, hessian, jacobian, softness, self.values.unit, known)

@@ -78,8 +78,8 @@ def diagnose(
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
         as_said = based(steadied, asking=True)
-        said, (steadied, as_said, large) = steadied, _held(with_inertias_bounded, steadied, as_said, based)
-        bounded = Bounded.between(said, steadied)
+        steadied, as_said, large = _held(with_inertias_bounded, steadied, as_said, based)
+        bounded = Bounded.between(posed, steadied)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)

@@ -21,7 +21,7 @@ from .score import Columns, Linearised
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
-SAME = 1e-4  # of a row: more is another model; rows that must vanish are not quite nothing where a solve stopped
+SAME = 1e-5  # of a row: more is another model
 
 
 class Enlarged:

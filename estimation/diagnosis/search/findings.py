@@ -201,7 +201,7 @@ def _elsewhere(dae: Dae, place: str, measured: Sequence[Collection[str]]) -> tup
 
 
 def _unknown(place: str, parameters: Mapping[str, Strength]) -> Explanation:
-    return Explanation(place=place, family="unknown", physics="unknown_physics", parameters=parameters)
+    return Explanation(place=place, family="unknown", physics=UNKNOWN, parameters=parameters)
 
 
 def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -51,7 +51,7 @@ def with_inertias_bounded(problem: Problem, result: Smoothing) -> tuple[Problem,
             continue
         low, high = max(given.min, given.guess / FAR), min(given.max, given.guess * FAR)
         far, lost = not low <= p.value <= high, p.identifiable is False
-        if not (far and lost) and not ((far or lost) and _left(solution, result, name) ** 2 > MOST):
+        if not ((far and lost) or ((far or lost) and _left(solution, result, name) ** 2 > MOST)):
             continue
         bounded[name], times = replace(given, min=low, max=high), p.value / given.guess
         said.append(f"{name} would be {p}, {times:.2g} times its guess")
@@ -64,10 +64,10 @@ def _left(solution: Solution, result: Smoothing, inertia: str) -> float:
     """s at the place where it is least: what is left over there over what an inertia makes of the motion, both rms; inf at no place."""
     t = solution.transcription
     p = t.dae.p[[q.name for q in t.dae.parameters].index(inertia)]
-    F = t.dae.undisturbed(t.dae.residual[t.dae.balances_of(t.soft)])
+    left = {k: result.residual_places[name].rms for k in t.soft if (name := t.dae.places[k].name) in result.residual_places}
+    F = t.dae.undisturbed(t.dae.residual[t.dae.balances_of([*left])])
     moved = in_the_middles(solution, ca.densify(ca.jacobian(F, p) * p)).std(axis=1)
-    left = [result.residual_places[t.dae.places[k].name].rms for k in t.soft]
-    return min((r / m for r, m in zip(left, moved.tolist(), strict=True) if m > 0), default=inf)
+    return min((r / m for r, m in zip(left.values(), moved.tolist(), strict=True) if m > 0), default=inf)
 
 
 @dataclass(frozen=True)

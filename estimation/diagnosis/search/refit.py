@@ -242,10 +242,10 @@ def fitted(
             again = _in_time(settled(weighed, result), wider, there, end)
             again, late = (None, True) if again is None else _gone_on(weighed, again, wider, 1, end)
             result = again if again is not None and again.solver.converged else result
-        stopped = candidate.dear and not result.solver.converged
-        if stopped and _gained(now, result, problem, base, settings) > -PLAINLY:
+        plain = False
+        if candidate.dear and not result.solver.converged and _gained(now, result, problem, base, settings) > -PLAINLY:
             result, late = _gone_on(weighed, result, settings, ONWARD, end)
-        plain = stopped and not result.solver.converged and _gained(now, result, problem, base, settings) > PLAINLY
+            plain = not result.solver.converged and _gained(now, result, problem, base, settings) > PLAINLY
     except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=not plain)
