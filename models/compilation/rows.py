@@ -17,6 +17,7 @@ import casadi as ca
 SX = Any
 _RELATIONS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO}
 _KINKED = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}  # whose derivatives step
+_ROOTS = {ca.OP_SQRT, ca.OP_POW, ca.OP_CONSTPOW}  # of what becomes a square they are |x|
 _STEPPING = _RELATIONS | {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN}
 
 
@@ -90,8 +91,8 @@ def steps(value: SX) -> set[str]:
 
 
 def is_smooth(values: SX) -> bool:
-    """Whether neither they nor their derivatives step."""
-    return (_STEPPING | _KINKED).isdisjoint(_evaluated(values)[2])
+    """Whether neither they nor their derivatives step, whatever symbols in them are replaced by that does not."""
+    return (_STEPPING | _KINKED | _ROOTS).isdisjoint(_evaluated(values)[2])
 
 
 def _evaluated(values: SX) -> tuple[list[SX], ca.Function, list[int]]:

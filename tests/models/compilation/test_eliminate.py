@@ -224,6 +224,33 @@ def test_a_rate_inside_a_step_is_no_kinematic_row() -> None:
     assert rows([1.0, -0.5], [0.5, 2.0]).full()[:, 0] == pytest.approx([0.0, 0.0])
 
 
+@pytest.mark.parametrize("root", [ca.sqrt, lambda a: a**0.5])
+def test_a_root_of_what_turns_out_to_be_a_square_has_a_rate_that_steps(root: Any) -> None:
+    """d sqrt(x^2)/dt is sgn(x) x', once the square is put in."""
+
+    class Distance(Component):
+        """a = x^2;   y = sqrt(a);   z = y';   x' = u"""
+
+        x = Variable("m", state=True)
+        a = Variable("m2")
+        y = Variable("m")
+        z = Variable("m/s")
+        u = Variable("m/s")
+
+        def equations(self, c: Any) -> dict[str, Equation]:
+            return {
+                "square": equal(c.a, c.x**2),
+                "root": equal(c.y, root(c.a)),
+                "rate": equal(c.z, c.der(c.y)),
+                "motion": equal(c.der(c.x), c.u),
+            }
+
+    dae = compile_model(Model(name="m", components={"d": Distance()}, inputs={"u": "d.u"}, outputs={"z": "d.z", "y": "d.y"}))
+    read = ca.Function("read", [dae.x, dae.z, dae.u], [dae.output])
+    assert len(dae.algebraics) == 0
+    assert read(-2.0, [], 3.0).full()[:, 0] == pytest.approx([-3.0, 2.0])
+
+
 def test_the_equation_of_a_lag_is_the_same_whatever_stands_before_it() -> None:
     """Row by row, not divided by its time constant: what a gain there would do is judged by the rows of the model without it."""
     alone = actuator().insert("input:F", Lag(tau=0.01), "late")
