@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import pickle
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -243,21 +243,33 @@ def fitted(
             again, late = (None, True) if again is None else _gone_on(weighed, again, wider, 1, end)
             result = again if again is not None and again.solver.converged else result
         plain = False
-        if candidate.dear and not result.solver.converged and _gained(now, result, problem, base, settings) > -PLAINLY:
-            result, late = _gone_on(weighed, result, settings, ONWARD, end)
-            plain = not result.solver.converged and _gained(now, result, problem, base, settings) > PLAINLY
+        if candidate.dear and not result.solver.converged:
+
+            def gained(there: Smoothing) -> float:
+                return _gained(now, there, problem, base, settings)
+
+            result, late = _gone_on(weighed, result, settings, ONWARD, end, lambda there: gained(there) > -PLAINLY)
+            plain = not result.solver.converged and gained(result) > PLAINLY
     except (*FAILURES, ModelError, RuntimeError) as error:  # one candidate of many
         return Fitted(candidate=candidate, failed=str(error), late=isinstance(error, OutOfTime))
     worth = worth_of(now, result, weighed=settings.weigh, ended=not plain)
     return Fitted(candidate=candidate, problem=now, model=edited, result=result, worth=worth, late=late)
 
 
-def _gone_on(problem: Problem, result: Smoothing, settings: Settings, times: int, end: float) -> tuple[Smoothing, bool]:
-    """A smoothing that goes on where its limit of iterations left it, until it rests, so many times at most; and whether time was over."""
+def _gone_on(
+    problem: Problem, result: Smoothing, settings: Settings, times: int, end: float, hopeful: Callable[[Smoothing], bool] = lambda _: True
+) -> tuple[Smoothing, bool]:
+    """A smoothing that goes on where its limit of iterations left it, until it rests, so many times at most; and whether time was over.
+
+    hopeful: whether one that has not come to rest is worth going on from. Where one cannot be done the one before stays.
+    """
     for _ in range(times):
-        if result.solver.converged or result.solution is None:
+        if result.solver.converged or result.solution is None or not hopeful(result):
             break
-        further = _in_time(settled(problem, result), settings, result.solution, end)
+        try:
+            further = _in_time(settled(problem, result), settings, result.solution, end)
+        except (*FAILURES, RuntimeError):
+            break
         if further is None:
             return result, True
         result = further

@@ -26,7 +26,7 @@ from backsight.estimation.diagnosis.search.refit import HELD, ONWARD, QUICKLY, F
 from backsight.estimation.smoothing.begun import Begun
 from backsight.estimation.smoothing.program import Settings
 from backsight.estimation.smoothing.smoother import smoothing
-from backsight.models.errors import OutOfTime
+from backsight.models.errors import OutOfTime, SolveError
 from backsight.models.plants import actuator
 from backsight.ocp import Options
 
@@ -167,24 +167,52 @@ def test_a_coupling_is_fitted_on_a_mesh_as_fine_as_the_models_own(lacking):
     assert horizon.mesh.count < 1.2 * had.mesh.count < 0.8 * len(had.time)
 
 
-@pytest.mark.parametrize(("dear", "strength", "counts"), [(True, 20.0, True), (False, 20.0, False), (True, 1.0, False)])
-def test_what_has_no_score_counts_where_it_gains_plainly_though_it_did_not_come_to_rest(dear, strength, counts, monkeypatch):
-    """As contacts that are stiffer than a mesh can follow never do; friction stands in for them here, and its solver is stopped."""
-    problem = posed(run(1.0, 2e-3, f_c=strength), W={"carriage": 0.5})
-    result, solved = smooth(problem), list[Smoothing]()
-    stopped = replace(QUICKLY, options=replace(QUICKLY.options, gauss_newton_iterations=1, max_iterations=1, tolerance=1e-12))
+def coupled(
+    strength: float, *, dear: bool = True, begin: float | None = None, fails: int | None = None
+) -> tuple[Fitted, list[Smoothing], float]:
+    """A fit that its solver leaves at every turn, of friction in place of a coupling: its solves, and the base model's evidence.
+
+    begin: friction where it begins [N], else where the scores put it. fails: the number of the solve that fails.
+    """
+    problem, solved = posed(run(1.0, 2e-3, f_c=strength), W={"carriage": 0.5}), list[Smoothing]()
+    result, c = smooth(problem), replace(law("coulomb_friction"), dear=dear)
+    options = replace(QUICKLY.options, gauss_newton_iterations=0 if begin else 1, max_iterations=1, tolerance=1e-12)
 
     def spied(posed: Problem, **how: object) -> Smoothing:
+        if len(solved) + 1 == fails:
+            raise SolveError("numbers gave out")
         solved.append(smoothing(posed, **how))
         return solved[-1]
 
-    monkeypatch.setattr(refit, "smoothing", spied)
-    c = replace(law("coulomb_friction"), dear=dear)
-    found = fitted(settled(problem, result), problem.model, result, c, begun(c, None, {}), stopped)
+    start = {c.strengths[0]: begin} if begin else begun(c, None, {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(refit, "smoothing", spied)
+        found = fitted(settled(problem, result), problem.model, result, c, start, replace(QUICKLY, options=options))
     assert not found.result.solver.converged
+    return found, solved, evidence(problem, result)
+
+
+@pytest.mark.parametrize(("dear", "strength", "counts"), [(True, 20.0, True), (False, 20.0, False), (True, 1.0, False)])
+def test_what_has_no_score_counts_where_it_gains_plainly_though_it_did_not_come_to_rest(dear, strength, counts):
+    """As contacts that are stiffer than a mesh can follow never do; friction stands in for them here, and its solver is stopped."""
+    found, solved, least = coupled(strength, dear=dear)
     assert np.isfinite(found.worth.nats) is np.bool_(counts)
     assert len(solved) == (1 + ONWARD if dear else 1)
-    assert not counts or found.worth.nats > evidence(problem, result) + 100.0
+    assert not counts or found.worth.nats > least + 100.0
+
+
+def test_what_is_plainly_worse_does_not_go_on():
+    _, solved, least = coupled(1.0, begin=80.0)
+    assert len(solved) == 1
+    problem = posed(run(1.0, 2e-3, f_c=1.0), W={"carriage": 0.5})
+    assert evidence(problem, solved[0], ended=False) < least - 100.0
+
+
+def test_what_had_gained_plainly_stays_where_it_cannot_go_on():
+    found, solved, least = coupled(20.0, fails=3)
+    assert len(solved) == 2
+    assert found.result is solved[-1]
+    assert found.worth.nats > least + 100.0
 
 
 def test_play_that_a_rigid_machine_cannot_have_is_given_up_at_the_first_solve():
