@@ -30,7 +30,7 @@ from .proof.proof import Case, Proof
 from .scores.onsets import clocks_notes
 from .search.findings import ranked
 from .search.fits import Fits, Progress
-from .search.inflated import Bounded, with_inertias_bounded
+from .search.inflated import free_again, with_inertias_near
 from .search.keep import Keep
 from .search.left_over import NAMELESS
 from .search.refit import FAILURES, known_of
@@ -77,20 +77,20 @@ def diagnose(
         def based(other: Problem, *, asking: bool = False) -> AsItIs:
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
-        as_said = based(steadied, asking=True)
-        steadied, as_said, large = _held(with_inertias_bounded, steadied, as_said, based)
-        bounded = Bounded.between(posed, steadied)
+        free, as_said = steadied, based(steadied, asking=True)
+        steadied, as_said, large = _held(with_inertias_near, steadied, as_said, based)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
         now, straight = with_better_hold(steadied, problem.model, as_said, based)
+        start, held = (Standing(problem=free_again(free, one.problem), model=problem.model, result=one.result) for one in (now, as_said))
         search = Search(
-            standing=Standing(problem=now.problem, model=problem.model, result=now.result),
+            standing=start,
             fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, now.problem), say=say, end=end, jobs=jobs),
             settings=now.settings,
             seed=seed,
-            held=Standing(problem=as_said.problem, model=problem.model, result=as_said.result) if straight else None,
-            bounded=bounded,
+            held=held if straight else None,
+            near=start.result if large else None,
         )
         search.run()
     straight = straight if search.held is not None else ""
@@ -170,7 +170,10 @@ def diagnose(
 def _held(
     by: Callable[[Problem, Smoothing], tuple[Problem, str]], problem: Problem, found: AsItIs, based: Callable[[Problem], AsItIs]
 ) -> tuple[Problem, AsItIs, str]:
-    """Problem and model as it is with what is held, and a note, where there is any and the model comes to rest with it."""
+    """Problem and model as it is with what is held, and a note, where there is any and the model comes to rest with it.
+
+    Not where that takes weights that are held, too.
+    """
     held, said = by(problem, found.result)
     if not said:
         return problem, found, ""
@@ -178,4 +181,5 @@ def _held(
         there = based(held)
     except FAILURES:
         return problem, found, ""
-    return (held, there, said) if there.result.solver.converged else (problem, found, "")
+    as_good = there.result.solver.converged and (there.settings.weigh or not found.settings.weigh)
+    return (held, there, said) if as_good else (problem, found, "")

@@ -141,6 +141,19 @@ def screen(
     return Screen(found=ordered, chance=chance, G=joint.G, plain=joint.plain, columns=tuple(columns), shapes=shapes)
 
 
+def identifiable(base: Linearised, looks: Sequence[Look]) -> list[Look]:
+    """The looks of which something is told once all that is free is projected out."""
+    found = list[Look]()
+    for batch, at_rest in _batches(looks):
+        there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
+        scores, first = there.scores(joined), 0
+        for look in batch:
+            k = np.arange(first, first := first + len(look.columns))
+            if inverse_root(scores.G[np.ix_(k, k)], scores.plain[k]).shape[1]:
+                found.append(look)
+    return found
+
+
 def _scored(base: Linearised, looks: Iterable[Look], seed: int, draws: int) -> Iterator[Callable[[], list[tuple[Screened, Array]]]]:
     """Calls that give some looks with their scores, and what each would gain by every draw, (draws,)."""
     drawn = dict[int, Drawn]()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...problem import Free
-from ...wording import listed
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
 from .choice import CLEAR, idle
@@ -19,7 +18,7 @@ BY = {"tau", "delay"}  # what a lag and a delay have
 
 def amend(state: State) -> None:
     """All of it, one after the other."""
-    for ask in (eliminate, late_by_both, of_one_level, held_again, released):
+    for ask in (eliminate, late_by_both, of_one_level, held_again):
         ask(state)
 
 
@@ -97,20 +96,3 @@ def held_again(state: State) -> None:
         state.first_left = left_over(state.held.problem, state.held.result)
         state.bare = Bare(problem=without_force(state.held.problem), model=state.held.model)
         state.standing, state.held = state.standing.at(held, one), None
-
-
-def released(state: State) -> None:
-    """Inertias that were bounded are free as the study has them, where they are told with what was found."""
-    names = state.bounded.pressing(state.problem, state.result) if state.fits.left > 0 else []
-    if not names:
-        return
-    what = f"{listed(names)} without the bound that held while nothing was found"
-    state.fits.say(what)
-    problem = settled(state.bounded.freed(state.problem, names), state.result)
-    found = state.again(problem, what)
-    if found is None or not found.solver.converged or not state.bounded.sound(problem, found):
-        return
-    if state.worth(problem, found).over(state.now) > 0:
-        state.standing = state.standing.at(problem, found)
-        state.bare = replace(state.bare, problem=state.bounded.freed(state.bare.problem, names))
-        state.held = state.held and replace(state.held, problem=state.bounded.freed(state.held.problem, names))

@@ -1,22 +1,25 @@
-"""Inertias that came out far larger than anybody guessed, since the model lacks a force.
+"""Inertias that come out far from what anybody guessed, since the model lacks a force.
 
 Where a controller holds the motion, inputs answer what the model lacks, and the motion is smooth all the same: for white residual forces a
 larger inertia explains that better than any force does, the larger the better. Scores beside such a model tell nothing, and fits that begin
-there end there, or at nothing where numbers give out. With the inertia near its guess what is missing is seen.
+there end there, or at nothing where numbers give out. So it is looked at with these inertias near their guesses: scores are those beside
+that model, and fits begin there. In the fits the inertias are as free as the study has them, and models are compared so.
 
-Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: m a = F + r, of which m is
-the inverse slope of a over F, comes out as m0 / (1 - s^2), s = rms r / rms m a. A guess that is merely poor leaves no such force: an
-inertia with s^2 < 1/2 is no more than twice too large, and is what it is, if the recordings tell it at all: beside a weight that swings
-slowly they may not.
+Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: M a = F + r, of which the
+inertia M of all that moves there is the inverse slope of a over F, comes out as M0 / (1 - s^2), s = rms r / rms M a. A part of it that is
+free beside known ones, J, has all of the excess, s^2 M. A guess that is merely poor leaves no such force: with s^2 M < J / 2 an inertia is
+no more than twice too large, and is what it is, if the recordings tell it at all: beside a weight that swings slowly they may not. One
+that is smaller than guessed has run away where it is not told, for residual forces do what it should.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from math import inf
 
 import casadi as ca
+import numpy as np
 
 from backsight.ocp import Solution
 
@@ -25,79 +28,92 @@ from ...results import Smoothing
 from ...smoothing.begun import in_the_middles
 from ...supposed import noisy_inputs
 from ...wording import listed
+from ..scores.shares import left_over
 
-FAR = 2.0  # times its guess
-MOST = 0.5  # s^2
-NEAR = 1.01  # times a bound: one that would be beyond
+FAR = 2.0  # times its guess, or a part of it
+MOST, ALL = 0.5, 0.5  # of an inertia: its excess; of the forces: left over
+BEYOND = 1.01  # times where it is: a bound that does not hold it there
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
-    "With nothing put right {said}. While what is missing was looked for each was taken to be between half its guess and twice that. "
-    "Where its input only answers what the model lacks, under a stiff controller, give every input the noise of its measurement, V, and "
-    "residual forces next to none, W, in [weights]."
+    "With nothing put right {said}. What is missing was looked for with between half of that and twice as much, and fitted with what the "
+    "study has. Where its input only answers what the model lacks, under a stiff controller, give every input the noise of its "
+    "measurement, V, and residual forces next to none, W, in [weights]."
 )
 
 
-def with_inertias_bounded(problem: Problem, result: Smoothing) -> tuple[Problem, str]:
-    """The problem with such inertias of a result of it bounded, and a note on it; the problem itself and no note where there are none.
+def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str, Free | float] | None = None) -> tuple[Problem, str]:
+    """The problem with such inertias of a result of it near their guesses, and a note; the problem itself and none where there are none.
 
-    Nor where an input has noise of its own: it may answer what it will then.
+    Nor where an input has noise of its own: it may answer what it will then. guesses: of the study, where the problem has moved on.
     """
-    bounded, said, solution = dict[str, Free](), list[str](), result.solution
+    near, said, solution = dict[str, Free](), list[str](), result.solution
     if noisy_inputs(problem) or solution is None:
         return problem, ""
-    for name, given in problem.parameters.items():
-        p = result.parameters.get(name)
-        if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or given.drift is not None or not given.guess > 0:
+    for name, given in (problem.parameters if guesses is None else guesses).items():
+        p, free = result.parameters.get(name), problem.parameters.get(name)
+        if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or not isinstance(free, Free):
             continue
-        low, high = max(given.min, given.guess / FAR), min(given.max, given.guess * FAR)
-        far, lost = not low <= p.value <= high, p.identifiable is False
-        if not ((far and lost) or ((far or lost) and _left(solution, result, name) ** 2 > MOST)):
+        low, high = max(free.min, given.guess / FAR), min(free.max, given.guess * FAR)
+        if free.drift is not None or not low < high or low <= p.value <= high:
             continue
-        bounded[name], times = replace(given, min=low, max=high), p.value / given.guess
-        said.append(f"{name} would be {p}, {times:.2g} times its guess")
+        lost = p.identifiable is False
+        if p.value > high and not lost and _excess(solution, result, name) <= MOST:
+            continue
+        if p.value < low and not (lost and _does_nothing(problem, result, solution, name)):
+            continue
+        near[name] = replace(free, guess=float(np.clip(free.guess, low, high)), min=low, max=high)
+        said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")
     if not said:
         return problem, ""
-    return replace(problem, parameters={**problem.parameters, **bounded}), NOTE.format(said=listed(said))
+    return replace(problem, parameters={**problem.parameters, **near}), NOTE.format(said=listed(said))
 
 
-def _left(solution: Solution, result: Smoothing, inertia: str) -> float:
-    """s at the place where it is least: what is left over there over what an inertia makes of the motion, both rms; inf at no place."""
+def free_again(study: Problem, problem: Problem) -> Problem:
+    """A problem with such inertias as free as the study has them."""
+    own = dict[str, Free | float]()
+    for name, given in study.parameters.items():
+        free = problem.parameters.get(name)
+        if isinstance(free, Free) and isinstance(given, Free) and (free.min, free.max) != (given.min, given.max):
+            own[name] = replace(free, guess=given.guess, min=given.min, max=given.max)
+    return replace(problem, parameters={**problem.parameters, **own}) if own else problem
+
+
+def unheld(problem: Problem, solution: Solution) -> Solution:
+    """A solution in which no bound holds an inertia that the problem does not hold there; the same where none does."""
+    t, first = solution.transcription, solution.transcription.nlp.trajectory_size
+    loose = set[int]()
+    for k in solution.parameters_on_bounds.tolist():
+        info, value = t.dae.parameters[t.nlp.free[k]], float(solution.parameters[t.nlp.free[k]])
+        free = problem.parameters.get(info.name)
+        if info.unit in INERTIAS and isinstance(free, Free) and free.max > BEYOND * value > BEYOND * free.min:
+            loose.add(first + k)
+    if not loose:
+        return solution
+    return replace(solution, solved=replace(solution.solved, on_bound=tuple(k for k in solution.solved.on_bound if k not in loose)))
+
+
+def _excess(solution: Solution, result: Smoothing, inertia: str) -> float:
+    """By what share of itself an inertia is too large at the place where that is least; inf where it moves nothing."""
     t = solution.transcription
-    p = t.dae.p[[q.name for q in t.dae.parameters].index(inertia)]
-    left = {k: result.residual_places[name].rms for k in t.soft if (name := t.dae.places[k].name) in result.residual_places}
-    F = t.dae.undisturbed(t.dae.residual[t.dae.balances_of([*left])])
-    moved = in_the_middles(solution, ca.densify(ca.jacobian(F, p) * p)).std(axis=1)
-    return min((r / m for r, m in zip(left.values(), moved.tolist(), strict=True) if m > 0), default=inf)
+    p, names, places = t.dae.p, [q.name for q in t.dae.parameters], _places(solution, result, inertia)
+    every = [k for k, q in enumerate(t.dae.parameters) if q.unit in INERTIAS]
+    F = t.dae.undisturbed(t.dae.residual[t.dae.balances_of([*places.values()])])
+    slopes = ca.densify(ca.jacobian(F, p))
+    own = slopes[:, names.index(inertia)] * p[names.index(inertia)]
+    J, M = np.split(in_the_middles(solution, ca.vertcat(own, slopes[:, every] @ p[every])).std(axis=1), 2)
+    rows = zip((result.residual_places[name].rms for name in places), J.tolist(), M.tolist(), strict=True)
+    return min((r**2 / (j * m) for r, j, m in rows if j > 0 and m > 0), default=inf)
 
 
-@dataclass(frozen=True)
-class Bounded:
-    """Inertias that were bounded, as the study has them."""
+def _does_nothing(problem: Problem, result: Smoothing, solution: Solution, inertia: str) -> bool:
+    """Whether residual forces do most of what is done wherever an inertia is."""
+    left = left_over(problem, result)
+    return min((left[place] for place in _places(solution, result, inertia)), default=0.0) > ALL
 
-    own: Mapping[str, Free] = field(default_factory=dict)
 
-    @classmethod
-    def between(cls, study: Problem, problem: Problem) -> Bounded:
-        """Those that a study has otherwise than a problem of it."""
-        told = ((name, given) for name, given in study.parameters.items() if isinstance(given, Free))
-        return cls({name: given for name, given in told if problem.parameters.get(name) != given})
-
-    def pressing(self, problem: Problem, result: Smoothing) -> list[str]:
-        """Those that would be beyond bounds that they have only so."""
-        names = list[str]()
-        for name, own in self.own.items():
-            now, p = problem.parameters.get(name), result.parameters.get(name)
-            if p is None or not isinstance(now, Free):
-                continue
-            if (own.max > now.max < p.value * NEAR) or (own.min < now.min > p.value / NEAR):
-                names.append(name)
-        return names
-
-    def freed(self, problem: Problem, names: Sequence[str]) -> Problem:
-        """The problem with what the study has of these."""
-        return replace(problem, parameters={**problem.parameters, **{name: self.own[name] for name in names}})
-
-    def sound(self, problem: Problem, result: Smoothing) -> bool:
-        """Whether a result of a problem has none that would be bounded."""
-        asked = self.freed(problem, list(self.own))
-        return with_inertias_bounded(asked, result)[0] is asked
+def _places(solution: Solution, result: Smoothing, inertia: str) -> dict[str, int]:
+    """Places whose balances an inertia is in, with residual forces, by their numbers."""
+    dae = solution.transcription.dae
+    p = dae.p[[q.name for q in dae.parameters].index(inertia)]
+    soft = {name: k for k in solution.transcription.soft if (name := dae.places[k].name) in result.residual_places}
+    return {name: k for name, k in soft.items() if ca.depends_on(dae.residual[dae.balances_of([k])], p)}

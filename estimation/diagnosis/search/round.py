@@ -18,7 +18,7 @@ from ..evidence.offsets import counted_out
 from ..evidence.worth import Worth, gains
 from ..scores.onsets import dated, late, moved
 from ..scores.score import Linearised
-from ..scores.screen import Screen, Screened, screen
+from ..scores.screen import Screen, Screened, identifiable, screen
 from ..scores.shares import FLOOR, Sizes
 from ..scores.supermodel import looked_at
 from .choice import (
@@ -41,6 +41,7 @@ from .elimination import Bare
 from .findings import Judged, fitted_strengths
 from .fits import Base, Fits
 from .indistinct import indistinct
+from .inflated import unheld
 from .left_over import UNEXPLAINED
 from .refit import at_work, bared, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
@@ -87,6 +88,8 @@ class Round:
         candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
         candidates = [c.with_all_of(accepted, problem.parameters) for c in candidates]
         looks = looked_at(problem, base.model, linearised, candidates)
+        if (free := unheld(problem, solution)) is not solution:
+            looks = identifiable(Linearised(free), looks)
         found = screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs)
         return cls(
             base=base,

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...problem import Free
+from ...results import Smoothing
 from ...wording import listed
 from ..answer.verdict import Class, Finding, Tried, Undetectable
 from ..answer.words import UNKNOWN
@@ -19,6 +20,7 @@ from .amended import amend
 from .choice import CLEAR, chosen, idle
 from .findings import verdict
 from .fits import Base
+from .inflated import with_inertias_near
 from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled
 from .refusals import loose
@@ -47,7 +49,8 @@ class Search(State):
     seed: of what is drawn. tried: what was fitted, last_tried: in the last round. before: what there was before the last effect was found;
     aside: what was taken back to be sought again with weights from the data. compared: whether models could be; cut: what may be missing in
     the model as it stands, and whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside
-    which candidate it was smoothed from the guesses, too.
+    which candidate it was smoothed from the guesses, too. near: where the search begins, where that is with inertias near their guesses;
+    looked: whether the last round was.
     """
 
     seed: int = 0
@@ -56,6 +59,8 @@ class Search(State):
     undetectable: list[Undetectable] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     before: Standing | None = None
+    near: Smoothing | None = None
+    looked: bool = field(default=False, init=False)
     aside: Standing | None = field(default=None, init=False, repr=False)
     compared: bool = field(default=True, init=False)
     cut: tuple[str, ...] = field(default=(), init=False)
@@ -74,6 +79,8 @@ class Search(State):
         if tried:
             self._weighed()
         self._as_fits_are()
+        if self.near is not None:
+            self.first = self.result
         while more:
             scored = self._scored()
             if self._better_from_the_guesses(scored):
@@ -101,7 +108,7 @@ class Search(State):
 
     def _as_fits_are(self) -> None:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
-        for k in range(AGAIN if self.settings.weigh else 0):
+        for k in range(AGAIN if self.settings.weigh else int(self.near is not None)):
             problem = settled(self.problem, self.result)
             again = self.again(problem, f"the model as it is, as fits are, {k + 1}")
             if again is None:
@@ -126,13 +133,24 @@ class Search(State):
 
     def _scored(self) -> Round:
         """All candidates beside the model as it is; as much time as that takes is owed to the scores that come after its fits."""
-        now, began = self.standing, time.time()
+        base, now, began = self._looked_at(), self.standing, time.time()
         self.fits.say(f"round {len(now.findings) + 1}: scores")
         brought = loose(now.findings, now.accepted, self.bare.model, now.model)
-        scored = Round.of(self.base, self.bare, now.accepted, brought, self.fits, self.seed)
+        scored = Round.of(base, self.bare, now.accepted, brought, self.fits, self.seed)
         self.sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
         self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
         return replace(scored, fits=self.fits)
+
+    def _looked_at(self) -> Base:
+        """The model as it stands, where inertias that it makes run away are near their guesses (`inflated.py`)."""
+        found, self.near = self.near, None
+        problem, said = with_inertias_near(self.problem, self.result, self.bare.problem.parameters)
+        if said and found is None:
+            what = "inertias near their guesses"
+            self.fits.say(what)
+            found = self.again(problem, what)
+        self.looked = bool(said) and found is not None
+        return replace(self.base, result=found) if said and found is not None else self.base
 
     def _better_from_the_guesses(self, scored: Round) -> bool:
         """Whether the model with what was found is better from the guesses of the study; then it is there.
@@ -192,6 +210,7 @@ class Search(State):
             self.aside = None if idle(now.accepted[-1], now.result) else now
             now = self.before.at(*found)
         self.standing, self.settings = now, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
+        self.near = None
         if not self.standing.findings:
             self.first, self.first_weights = self.result, self.problem.weights
             self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
@@ -228,11 +247,11 @@ class Search(State):
         """What could not have been seen, and what is left over."""
         skipped = {f.explanation.key for f in self.standing.findings}
         self.undetectable = limits(scored.found, scored.sizes, self.standing.model, skipped)
-        self._unexplained(scored.sizes)
+        self._unexplained(scored.sizes, scored.base if self.looked else self.base)
 
-    def _unexplained(self, sizes: Sizes) -> None:
+    def _unexplained(self, sizes: Sizes, base: Base) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
-        left = LeftOver(base=self.base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
+        left = LeftOver(base=base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
         refused = sorted((t for t in self.last_tried if t.refused and t.fitted is not None), key=lambda t: -(t.fitted or 0.0))
         rest = left.told(refused)
         if isinstance(rest, Finding):

@@ -13,7 +13,6 @@ from ..evidence.worth import Worth
 from ..scores.shares import Sizes, left_over
 from .elimination import Bare
 from .fits import Base, Fits
-from .inflated import Bounded
 from .refit import QUICKLY, settled, worth_of
 from .standing import Standing
 
@@ -23,16 +22,15 @@ class State:
     """The model with what was found, at first as it was declared, and what it is held against.
 
     standing: that model. fits: where candidates are fitted, and until when; settings: of these. held: the model as it is with its inputs
-    held, as a study has them, where straight ones were better for it. bounded: inertias that are, while nothing was found. bare: the
-    problem and its model before anything was found. first: the model without anything that was found, with weights from the data where it
-    was smoothed with these; first_weights: of its problem; first_left: place -> what it leaves over. sizes: of the last round's forces.
+    held, as a study has them, where straight ones were better for it. bare: the problem and its model before anything was found. first: the
+    model without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem;
+    first_left: place -> what it leaves over. sizes: of the last round's forces.
     """
 
     standing: Standing
     fits: Fits
     settings: Settings = QUICKLY
     held: Standing | None = None
-    bounded: Bounded = field(default_factory=Bounded)
     first_left: dict[str, float] = field(default_factory=dict)
     bare: Bare = field(init=False)
     first: Smoothing = field(init=False, repr=False)
