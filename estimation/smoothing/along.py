@@ -49,8 +49,8 @@ def forces(
     between two bodies that turn bears its stiffness times its twist, and not times either angle. varying: without their means, so that a
     weight that hangs in the air is nothing. borne: no more than is surely borne; a length or a ratio does not count where its term hangs on
     positions: the radius of a wheel, beside its angle, stands in the force of a belt that is hardly stretched. taut: nor does one that a
-    spring's stiffness multiplies, wherever else it stands. net: neither do these, nor angles and numbers: the thrusts of four rotors, times
-    how these are turned, leave next to nothing that turns the body.
+    spring's stiffness multiplies, wherever else it stands. net: of no length, angle or number at all, unknown or known: where joints stand
+    says how what they bear is turned, and the thrusts of four rotors, times how these are, leave next to nothing that turns the body.
     """
     dae = problem.dae
     places = [int(e.place) for e in dae.equations if e.place is not None]
@@ -58,7 +58,8 @@ def forces(
         return {}
     rows = dae.balances_of(places)
     F = dae.undisturbed(dae.residual[rows])
-    acting = ca.vertcat(dae.dx, dae.z, dae.u, _of_size(dae, F, borne, taut or net, net))
+    z = [symbol for symbol, q in zip(ca.vertsplit(dae.z), dae.algebraics, strict=True) if not (net and q.unit in GEOMETRY)]
+    acting = ca.vertcat(dae.dx, *z, dae.u, _of_size(dae, F, borne, taut, net))
     told = sorted(set(ca.jacobian_sparsity(F, acting).row()))
     parts = ca.jacobian(F, ca.vertcat(acting, dae.x)) * ca.repmat(ca.vertcat(acting, dae.x).T, len(rows), 1)
     parts[told, acting.shape[0] :] = 0
@@ -73,12 +74,12 @@ def forces(
 
 
 def _of_size(dae: Dae, F: Any, borne: bool, taut: bool, net: bool) -> Any:
-    """The parameters; borne: without the lengths and ratios that enter F times positions; taut: times stiffnesses; net: nor directions."""
+    """The parameters; borne: without the lengths and ratios that enter F times positions; taut: times stiffnesses; net: without any."""
     positions = ca.vertcat(*(dae.x[i] for i, _, _ in dae.kinematics))
     springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
 
     def geometric(i: int, unit: str) -> bool:
-        if net and unit in DIRECTIONS:
+        if net and unit in GEOMETRY:
             return True
         by = springs if taut else positions
         return (borne or taut) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
