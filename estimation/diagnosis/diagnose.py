@@ -77,20 +77,18 @@ def diagnose(
         def based(other: Problem, *, asking: bool = False) -> AsItIs:
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
-        free, as_said = steadied, based(steadied, asking=True)
+        as_said = based(steadied, asking=True)
         steadied, as_said, large = _held(with_inertias_near, steadied, as_said, based)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
         now, straight = with_better_hold(steadied, problem.model, as_said, based)
-        start, held = (Standing(problem=free_again(free, one.problem), model=problem.model, result=one.result) for one in (now, as_said))
         search = Search(
-            standing=start,
+            standing=Standing(problem=now.problem, model=problem.model, result=now.result),
             fits=Fits(pool=pool, ahead=at_hand(jobs, scheduler), kept=Keep(keep, now.problem), say=say, end=end, jobs=jobs),
             settings=now.settings,
             seed=seed,
-            held=held if straight else None,
-            near=start.result if large else None,
+            held=Standing(problem=as_said.problem, model=problem.model, result=as_said.result) if straight else None,
         )
         search.run()
     straight = straight if search.held is not None else ""
@@ -149,11 +147,11 @@ def diagnose(
         verdict=verdict,
         findings=ranked(search.standing.findings),
         before=first,
-        after=without_offsets(search.result),
+        after=without_offsets(search.result) if search.standing.findings else first,
         repaired=replace(
             without_force(search.problem),
             model=search.standing.model,
-            parameters=own_of(search.problem),
+            parameters=own_of(free_again(search.problem)),
             recordings=recordings,
             initial=known_of(problem, search.problem.dae),
         ),

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...problem import Free
+from ...results import Smoothing
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
 from .choice import CLEAR, idle
 from .elimination import Bare
+from .inflated import free_again
 from .one_level import OneLevel
 from .refit import settled
 from .state import State
@@ -18,7 +20,7 @@ BY = {"tau", "delay"}  # what a lag and a delay have
 
 def amend(state: State) -> None:
     """All of it, one after the other."""
-    for ask in (eliminate, late_by_both, of_one_level, held_again):
+    for ask in (eliminate, late_by_both, of_one_level, held_again, freed):
         ask(state)
 
 
@@ -96,3 +98,19 @@ def held_again(state: State) -> None:
         state.first_left = left_over(state.held.problem, state.held.result)
         state.bare = Bare(problem=without_force(state.held.problem), model=state.held.model)
         state.standing, state.held = state.standing.at(held, one), None
+
+
+def freed(state: State) -> Smoothing | None:
+    """The model with inertias that are near their guesses as free as the study has them; it stands there where none of them runs away."""
+    problem = free_again(state.problem)
+    if problem is state.problem or state.fits.left == 0:
+        return None
+    what = "inertias as the study has them"
+    state.fits.say(what)
+    problem = settled(problem, state.result)
+    found = state.again(problem, what)
+    state.freely = None if found is None else state.worth(problem, found)
+    if found is not None and state.near_enough(problem, found) and state.worth(problem, found).over(state.now) > 0:
+        state.standing = state.standing.at(problem, found)
+        state.free()
+    return found

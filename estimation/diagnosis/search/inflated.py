@@ -3,7 +3,9 @@
 Where a controller holds the motion, inputs answer what the model lacks, and the motion is smooth all the same: for white residual forces a
 larger inertia explains that better than any force does, the larger the better. Scores beside such a model tell nothing, and fits that begin
 there end there, or at nothing where numbers give out. So it is looked at with these inertias near their guesses: scores are those beside
-that model, and fits begin there. In the fits the inertias are as free as the study has them, and models are compared so.
+that model, and fits begin there. What is likely is fitted with the inertias as free as the study has them, and held against the model that
+is as free. Where every one of these fits has one that runs away, for more than that is missing, models are compared with them near their
+guesses, until something is found beside which they stay where they are when they are free.
 
 Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: M a = F + r, of which the
 inertia M of all that moves there is the inverse slope of a over F, comes out as M0 / (1 - s^2), s = rms r / rms M a. A part of it that is
@@ -15,7 +17,7 @@ that is smaller than guessed has run away where it is not told, for residual for
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 
 import casadi as ca
@@ -32,7 +34,6 @@ from ..scores.shares import left_over
 
 FAR = 2.0  # times its guess, or a part of it
 MOST, ALL = 0.5, 0.5  # of an inertia: its excess; of the forces: left over
-BEYOND = 1.01  # times where it is: a bound that does not hold it there
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
     "With nothing put right {said}. What is missing was looked for with between half of that and twice as much, and fitted with what the "
@@ -41,12 +42,19 @@ NOTE = (
 )
 
 
+@dataclass(frozen=True)
+class Near(Free):
+    """An inertia near its guess. given: what the study has of it."""
+
+    given: Free | None = None
+
+
 def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str, Free | float] | None = None) -> tuple[Problem, str]:
     """The problem with such inertias of a result of it near their guesses, and a note; the problem itself and none where there are none.
 
     Nor where an input has noise of its own: it may answer what it will then. guesses: of the study, where the problem has moved on.
     """
-    near, said, solution = dict[str, Free](), list[str](), result.solution
+    near, said, solution = dict[str, Near](), list[str](), result.solution
     if noisy_inputs(problem) or solution is None:
         return problem, ""
     for name, given in (problem.parameters if guesses is None else guesses).items():
@@ -61,32 +69,24 @@ def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str
             continue
         if p.value < low and not (lost and _does_nothing(problem, result, solution, name)):
             continue
-        near[name] = replace(free, guess=float(np.clip(free.guess, low, high)), min=low, max=high)
+        near[name] = Near(float(np.clip(free.guess, low, high)), low, high, free.std, None, free.per_recording, given=free)
         said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")
     if not said:
         return problem, ""
     return replace(problem, parameters={**problem.parameters, **near}), NOTE.format(said=listed(said))
 
 
-def free_again(study: Problem, problem: Problem) -> Problem:
-    """A problem with such inertias as free as the study has them."""
-    own = dict[str, Free | float]()
-    for name, given in study.parameters.items():
-        free = problem.parameters.get(name)
-        if isinstance(free, Free) and isinstance(given, Free) and (free.min, free.max) != (given.min, given.max):
-            own[name] = replace(free, guess=given.guess, min=given.min, max=given.max)
+def free_again(problem: Problem) -> Problem:
+    """A problem with such inertias as free as the study has them; the same where there are none."""
+    own = {n: replace(near.given, std=near.std) for n, near in problem.parameters.items() if isinstance(near, Near) and near.given}
     return replace(problem, parameters={**problem.parameters, **own}) if own else problem
 
 
 def unheld(problem: Problem, solution: Solution) -> Solution:
-    """A solution in which no bound holds an inertia that the problem does not hold there; the same where none does."""
+    """A solution in which no bound holds such inertias; the same where none does."""
     t, first = solution.transcription, solution.transcription.nlp.trajectory_size
-    loose = set[int]()
-    for k in solution.parameters_on_bounds.tolist():
-        info, value = t.dae.parameters[t.nlp.free[k]], float(solution.parameters[t.nlp.free[k]])
-        free = problem.parameters.get(info.name)
-        if info.unit in INERTIAS and isinstance(free, Free) and free.max > BEYOND * value > BEYOND * free.min:
-            loose.add(first + k)
+    near = {name for name, free in problem.parameters.items() if isinstance(free, Near)}
+    loose = {first + k for k in solution.parameters_on_bounds.tolist() if t.dae.parameters[t.nlp.free[k]].name in near}
     if not loose:
         return solution
     return replace(solution, solved=replace(solution.solved, on_bound=tuple(k for k in solution.solved.on_bound if k not in loose)))

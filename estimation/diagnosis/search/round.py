@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...problem import Free
+from ...problem import Free, Problem
 from ...results import Smoothing
 from ..answer.verdict import Tried
 from ..candidates.candidate import Candidate
@@ -88,7 +88,7 @@ class Round:
         candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
         candidates = [c.with_all_of(accepted, problem.parameters) for c in candidates]
         looks = looked_at(problem, base.model, linearised, candidates)
-        if (free := unheld(problem, solution)) is not solution:
+        if (free := unheld(problem, solution)) is not solution:  # what a bound leaves over alone is nothing that is missing
             looks = identifiable(Linearised(free), looks)
         found = screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs)
         return cls(
@@ -128,6 +128,13 @@ class Round:
             return nearer
         if not good and hinted and alone:
             good = self._borne_out(self._alone(self._fitted_anew(), now))
+        return self._kept(good) if good else None
+
+    def best_of_the_likely(self, now: Worth, near_enough: Callable[[Problem, Smoothing], bool]) -> Best | None:
+        """The fit that is kept of what the scores make likely alone, of those of which a result is `near_enough`."""
+        self._fit_the_likely(now)
+        fits = [f for f in self.fitted if f[2].problem is not None and f[2].whole is not None and near_enough(f[2].problem, f[2].whole)]
+        good = self._borne_out(sorted(fits, key=lambda f: (-f[2].gain, f[0].rank)))
         return self._kept(good) if good else None
 
     def _kept(self, good: list[Judged]) -> Best:

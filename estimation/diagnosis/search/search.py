@@ -9,18 +9,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...problem import Free
-from ...results import Smoothing
 from ...wording import listed
 from ..answer.verdict import Class, Finding, Tried, Undetectable
 from ..answer.words import UNKNOWN
 from ..candidates.candidate import Candidate
 from ..evidence.latent import Latent
 from ..scores.shares import Sizes, limits
-from .amended import amend
+from .amended import amend, freed
 from .choice import CLEAR, chosen, idle
 from .findings import verdict
 from .fits import Base
-from .inflated import with_inertias_near
+from .inflated import free_again
 from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled
 from .refusals import loose
@@ -40,6 +39,10 @@ INCOMPARABLE = (
     "No models were compared: where the model as it is came to rest the recordings do not tell its parameters and states apart. Give what "
     "is known of them, in [parameters], in [initial] or by another sensor."
 )
+HELD_NEAR = (
+    "With what was found {names} would still be far from what was guessed, and was held near it: more is missing than that, or the guess "
+    "is far off. Verdict and numbers are those beside it."
+)
 
 
 @dataclass
@@ -49,8 +52,7 @@ class Search(State):
     seed: of what is drawn. tried: what was fitted, last_tried: in the last round. before: what there was before the last effect was found;
     aside: what was taken back to be sought again with weights from the data. compared: whether models could be; cut: what may be missing in
     the model as it stands, and whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside
-    which candidate it was smoothed from the guesses, too. near: where the search begins, where that is with inertias near their guesses;
-    looked: whether the last round was.
+    which candidate it was smoothed from the guesses, too.
     """
 
     seed: int = 0
@@ -59,8 +61,6 @@ class Search(State):
     undetectable: list[Undetectable] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     before: Standing | None = None
-    near: Smoothing | None = None
-    looked: bool = field(default=False, init=False)
     aside: Standing | None = field(default=None, init=False, repr=False)
     compared: bool = field(default=True, init=False)
     cut: tuple[str, ...] = field(default=(), init=False)
@@ -79,8 +79,7 @@ class Search(State):
         if tried:
             self._weighed()
         self._as_fits_are()
-        if self.near is not None:
-            self.first = self.result
+        self.first = freed(self) or self.first
         while more:
             scored = self._scored()
             if self._better_from_the_guesses(scored):
@@ -104,11 +103,13 @@ class Search(State):
             self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
         self.on_a_checked_mesh()
         self.renew()
+        if self.near and self.standing.named:
+            self.notes.append(HELD_NEAR.format(names=listed(sorted(self.near))))
         self._limits(scored)
 
     def _as_fits_are(self) -> None:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
-        for k in range(AGAIN if self.settings.weigh else int(self.near is not None)):
+        for k in range(AGAIN if self.settings.weigh else 0):
             problem = settled(self.problem, self.result)
             again = self.again(problem, f"the model as it is, as fits are, {k + 1}")
             if again is None:
@@ -133,24 +134,13 @@ class Search(State):
 
     def _scored(self) -> Round:
         """All candidates beside the model as it is; as much time as that takes is owed to the scores that come after its fits."""
-        base, now, began = self._looked_at(), self.standing, time.time()
+        now, began = self.standing, time.time()
         self.fits.say(f"round {len(now.findings) + 1}: scores")
         brought = loose(now.findings, now.accepted, self.bare.model, now.model)
-        scored = Round.of(base, self.bare, now.accepted, brought, self.fits, self.seed)
+        scored = Round.of(self.base, self.bare, now.accepted, brought, self.fits, self.seed)
         self.sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
         self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
         return replace(scored, fits=self.fits)
-
-    def _looked_at(self) -> Base:
-        """The model as it stands, where inertias that it makes run away are near their guesses (`inflated.py`)."""
-        found, self.near = self.near, None
-        problem, said = with_inertias_near(self.problem, self.result, self.bare.problem.parameters)
-        if said and found is None:
-            what = "inertias near their guesses"
-            self.fits.say(what)
-            found = self.again(problem, what)
-        self.looked = bool(said) and found is not None
-        return replace(self.base, result=found) if said and found is not None else self.base
 
     def _better_from_the_guesses(self, scored: Round) -> bool:
         """Whether the model with what was found is better from the guesses of the study; then it is there.
@@ -181,7 +171,9 @@ class Search(State):
             self.compared = False
             self.notes.append(INCOMPARABLE)
             return False
-        outcome = scored.best(now, moving=self.moved < MOVES)
+        outcome: Best | Base | None = self._best_freely(scored)
+        if outcome is None:
+            outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried, self.last_tried = [*self.tried, *scored.tried], scored.tried
         self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late and not np.isfinite(fit.gain))
         if isinstance(outcome, Base):
@@ -191,6 +183,16 @@ class Search(State):
         elif outcome is not None:
             self._keep(scored, outcome)
         return outcome is not None
+
+    def _best_freely(self, scored: Round) -> Best | None:
+        """Where inertias are near their guesses, the best of a round with these free, if it is one with which none runs away."""
+        problem, now = free_again(self.problem), self.freely or self.now
+        if problem is self.problem:
+            return None
+        best = replace(scored, base=replace(scored.base, problem=problem)).best_of_the_likely(now, self.near_enough)
+        if best is not None:
+            self.free()
+        return best
 
     def _weighed(self) -> bool:
         """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these.
@@ -210,10 +212,10 @@ class Search(State):
             self.aside = None if idle(now.accepted[-1], now.result) else now
             now = self.before.at(*found)
         self.standing, self.settings = now, replace(QUICKLY, supposed=self.settings.supposed, step=self.settings.step)
-        self.near = None
         if not self.standing.findings:
             self.first, self.first_weights = self.result, self.problem.weights
             self.first_left = {}  # held weights left it elsewhere, and nothing has explained that
+            self.first = freed(self) or self.first
         return True
 
     def _keep(self, scored: Round, best: Best) -> None:
@@ -247,11 +249,11 @@ class Search(State):
         """What could not have been seen, and what is left over."""
         skipped = {f.explanation.key for f in self.standing.findings}
         self.undetectable = limits(scored.found, scored.sizes, self.standing.model, skipped)
-        self._unexplained(scored.sizes, scored.base if self.looked else self.base)
+        self._unexplained(scored.sizes)
 
-    def _unexplained(self, sizes: Sizes, base: Base) -> None:
+    def _unexplained(self, sizes: Sizes) -> None:
         """What is left over and matters: a finding without a name, or a note beside those that have one."""
-        left = LeftOver(base=base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
+        left = LeftOver(base=self.base, sizes=sizes, first=self.first_left, fits=self.fits, seed=self.seed)
         refused = sorted((t for t in self.last_tried if t.refused and t.fitted is not None), key=lambda t: -(t.fitted or 0.0))
         rest = left.told(refused)
         if isinstance(rest, Finding):
@@ -262,14 +264,18 @@ class Search(State):
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""
         nameless = tuple(f for f in self.standing.findings if f.explanation.physics == UNKNOWN)
-        problem = replace(self.bare.problem, weights=self.first_weights)
+        problem = replace(free_again(self.bare.problem), weights=self.first_weights)
         self.standing = Standing(problem=problem, model=self.bare.model, result=self.first, findings=nameless)
 
     def verdict(self) -> Class:
-        """One word for what was found; where nothing was, and models were not compared or had no time, there is none."""
+        """One word for what was found; where nothing was, and models were not compared or had no time, there is none.
+
+        Nor is there where inertias would run away with what was found.
+        """
         if not self.compared or (self.cut and not self.standing.findings):
             return "undecided"
-        return verdict(self.standing.findings)
+        found = verdict(self.standing.findings)
+        return "undecided" if self.near and self.standing.named and found != UNKNOWN else found
 
 
 def _unfitted(scored: Round) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from ..evidence.worth import Worth
 from ..scores.shares import Sizes, left_over
 from .elimination import Bare
 from .fits import Base, Fits
+from .inflated import Near, free_again, with_inertias_near
 from .refit import QUICKLY, settled, worth_of
 from .standing import Standing
 
@@ -24,7 +25,8 @@ class State:
     standing: that model. fits: where candidates are fitted, and until when; settings: of these. held: the model as it is with its inputs
     held, as a study has them, where straight ones were better for it. bare: the problem and its model before anything was found. first: the
     model without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem;
-    first_left: place -> what it leaves over. sizes: of the last round's forces.
+    first_left: place -> what it leaves over. sizes: of the last round's forces. freely: where inertias are near their guesses
+    (`inflated.py`), what the model as it is is worth with these free.
     """
 
     standing: Standing
@@ -36,6 +38,7 @@ class State:
     first: Smoothing = field(init=False, repr=False)
     first_weights: Weights = field(init=False, repr=False)
     sizes: Sizes = field(init=False, repr=False)
+    freely: Worth | None = field(default=None, init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
@@ -70,6 +73,21 @@ class State:
         if self._told is None or self._told[0] is not self.result or self._told[1] is not self.settings.weigh:
             self._told = self.result, self.settings.weigh, self.worth(self.problem, self.result)
         return self._told[2]
+
+    @property
+    def near(self) -> set[str]:
+        """Inertias that are near their guesses."""
+        return {name for name, free in self.problem.parameters.items() if isinstance(free, Near)}
+
+    def near_enough(self, problem: Problem, result: Smoothing) -> bool:
+        """Whether no inertia of the study has run away in a result of a problem."""
+        return not with_inertias_near(problem, result, free_again(self.bare.problem).parameters)[1]
+
+    def free(self) -> None:
+        """Inertias that were near their guesses are so no longer, in no model that may come."""
+        self.bare = replace(self.bare, problem=free_again(self.bare.problem))
+        self.held = self.held and replace(self.held, problem=free_again(self.held.problem))
+        self.freely = None
 
     def worth(self, problem: Problem, result: Smoothing) -> Worth:
         """What the models of one round compare by."""

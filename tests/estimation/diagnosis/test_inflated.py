@@ -37,7 +37,8 @@ def test_an_inertia_that_would_answer_for_what_is_missing_is_looked_at_near_its_
     assert (mass.min, mass.max) == (45.0, 180.0)
     assert near.parameters["friction.d"] == made.parameters["friction.d"]
     assert "With nothing put right carriage.m would be" in said
-    assert free_again(made, near).parameters == made.parameters
+    assert free_again(near).parameters == made.parameters
+    assert free_again(made) is made
     given = replace(made, weights=Weights(V={"F": 1.0}))
     assert with_inertias_near(given, found) == (given, "")
     known = replace(made, parameters={**made.parameters, "carriage.m": Free(90.0, 80.0, found.parameters["carriage.m"].value / 2)})
@@ -52,10 +53,10 @@ def test_scores_beside_an_inertia_near_its_guess_leave_out_what_only_that_would_
     found = smooth(near)
     n = found.solution.transcription.nlp.trajectory_size
     assert n in found.solution.held
-    assert n not in unheld(made, found.solution).held
-    assert unheld(near, found.solution) is found.solution
+    assert n not in unheld(near, found.solution).held
+    assert unheld(made, found.solution) is found.solution
     looks = looked_at(made, made.model, Linearised(found.solution), library(made, made.model, found.solution))
-    names = {look.candidate.physics for look in identifiable(Linearised(unheld(made, found.solution)), looks)}
+    names = {look.candidate.physics for look in identifiable(Linearised(unheld(near, found.solution)), looks)}
     assert {"added_mass", "input_gain"} <= {look.candidate.physics for look in looks}
     assert "spring" in names
     assert not {"added_mass", "input_gain"} & names

@@ -70,7 +70,7 @@ def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, sha
     search.standing, search.notes = replace(search.standing, findings=()), []
     monkeypatch.setattr(LeftOver, "needed", lambda *_: needed)
     left = SimpleNamespace(left={"carriage": share}, base=linearised(search))
-    search._unexplained(left, search.base)  # type: ignore[arg-type]
+    search._unexplained(left)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("needed", [True, False])
