@@ -1,6 +1,6 @@
 """Signal blocks: what stands between a command and a source, or between a sensor and what is recorded. A blank unit is any unit."""
 
-from .blocks import Constant, DeadZone, Drift, Gain, Offset, PeriodicError, Saturation, Sine, Sum
+from .blocks import Constant, DeadZone, Drift, Gain, Offset, PeriodicError, Rotation, Saturation, Sine, Sum
 from .dynamics import AsymmetricLag, Delay, Lag, LimitedPIController, PIController, SecondOrderLag
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "Offset",
     "PIController",
     "PeriodicError",
+    "Rotation",
     "Saturation",
     "SecondOrderLag",
     "Sine",

@@ -132,6 +132,24 @@ class Sum(Component):
         return {"sum": equal(c.y, c.k_1 * c.u_1 + c.k_2 * c.u_2)}
 
 
+class Rotation(Component):
+    """Two components of one vector, read in axes that are turned.   y_1 = cos(a) u_1 + sin(a) u_2    y_2 = cos(a) u_2 - sin(a) u_1
+
+    Signals:    u_1, u_2 (inputs), y_1, y_2 (outputs), of one unit
+    Parameters: angle a [rad] 0 by default (absent)
+    """
+
+    u_1 = SignalInput()
+    u_2 = SignalInput()
+    y_1 = SignalOutput()
+    y_2 = SignalOutput()
+    angle = Parameter("rad", 0.0, description="by which the axes of y are turned from those of u")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        cos, sin = ca.cos(c.angle), ca.sin(c.angle)
+        return {"first axis": equal(c.y_1, cos * c.u_1 + sin * c.u_2), "second axis": equal(c.y_2, cos * c.u_2 - sin * c.u_1)}
+
+
 class Saturation(Component):
     """A limit to both sides.   y = sat(u, limit)
 

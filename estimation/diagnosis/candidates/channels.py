@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from backsight.models import Model
 from backsight.models.language import Component
 from backsight.models.model import Output
-from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, PeriodicError, Saturation, Sum
+from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, PeriodicError, Rotation, Saturation, Sum
 
 from .candidate import Alike, Candidate, Insert, Rebuild, Signal
 from .places import free_name
@@ -205,39 +205,48 @@ def of_sensor(
         *([channel.turned()] if span is not None else []),
         *(channel.uneven(order) for order in ORDERS if span is not None and order * span > np.pi),
     ]
-    for other in others:
-        mixed = channel.name(f"misalignment_{other}")
+    return found + [one for other in others for one in _misaligned(model, name, other)]
+
+
+def _misaligned(model: Model, name: str, other: str) -> list[Candidate]:
+    """A sensor that reads a part of what another one does; and both of them turned, once for the two."""
+    channel = _Channel(model=model, place=f"sensor:{name}", family="sensor", word="sensor")
+    found = list[Candidate]()
+    for block, parameter in ((Sum(k_2=0.0), "k_2"), (Rotation(), "angle")) if name < other else ((Sum(k_2=0.0), "k_2"),):
+        both = isinstance(block, Rotation)
+        title = channel.name(f"{'turned' if both else 'misalignment'}_{other}")
+        edit = _Mixed(of=name, other=other, name=title, block=block)
         found.append(
             Candidate(
-                place=of,
+                place=channel.place,
                 family="sensor",
                 physics="sensor_misalignment",
-                edits=(Rebuild(edit=_Turned(of=name, other=other, name=mixed), said=f"{mixed} = Sum() of {name} and {other} at {of}"),),
-                strengths=(f"{mixed}.k_2",),
-                start={f"{mixed}.k_2": (0.0, -TURN, TURN)},
-                named={"angle": f"{mixed}.k_2"},
+                edits=(Rebuild(edit=edit, said=f"{title} = {type(block).__name__}() of {name} and {other} at {channel.place}"),),
+                strengths=(f"{title}.{parameter}",),
+                start={f"{title}.{parameter}": (0.0, -TURN, TURN)},
+                named={"angle": f"{title}.{parameter}"},
             )
         )
     return found
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Turned:
-    """A sensor that reads a part of what another one reads."""
+class _Mixed:
+    """A sensor that reads a part of what another one reads, by a `Sum`; or both of them turned, by a `Rotation`."""
 
     of: str
     other: str
     name: str
+    block: Component
 
     def __call__(self, model: Model) -> Model:
-        measured, other = model.measured[self.of], model.measured[self.other]
-        grown = replace(
-            model,
-            components={**model.components, self.name: Sum(k_2=0.0)},
-            outputs={**model.outputs, self.of: Output(f"{self.name}.y", measured.noise_std)},
-        )
-        more = ((measured.variable, f"{self.name}.u_1"), (other.variable, f"{self.name}.u_2"))
-        return replace(grown, connections=(*grown.connections, *more))
+        read = (self.of, self.other) if isinstance(self.block, Rotation) else (self.of,)
+        outputs = dict(model.outputs)
+        for k, output in enumerate(read, 1):
+            outputs[output] = Output(f"{self.name}.y{f'_{k}' if len(read) > 1 else ''}", model.measured[output].noise_std)
+        grown = replace(model, components={**model.components, self.name: self.block}, outputs=outputs)
+        sources = (model.measured[output].variable for output in (self.of, self.other))
+        return replace(grown, connections=(*grown.connections, *((v, f"{self.name}.u_{k}") for k, v in enumerate(sources, 1))))
 
 
 def _times(interval: float, duration: float) -> tuple[tuple[float, ...], tuple[float, float, float]]:

@@ -28,7 +28,7 @@ from .couplings import Behind, of_coupling, of_ideal, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, between, of_law
 from .loads import of_loads
-from .places import Spot, bodies, elements, free_name, neighbours, own_name, sensors
+from .places import Spot, bodies, elements, free_name, neighbours, own_name, sensors, source
 from .presliding import of_presliding
 from .waves import fine_periods
 
@@ -78,9 +78,9 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     spans = {q.name: _span(t.horizons, i) for i, q in enumerate(dae.outputs) if q.unit == "rad"}
     begin = float(min(h.clock + h.time[0] for h in t.horizons))
     read = [name for name, times in heard.items() if np.isfinite(times)]
+    units, owners = {q.name: q.unit for q in dae.outputs}, {name: source(model, model.measured[name].variable) for name in read}
     for name in read:
-        owner = model.measured[name].variable.partition(".")[0]
-        others = [o for o in read if o != name and model.measured[o].variable.partition(".")[0] == owner]
+        others = [o for o in read if o != name and (owners[o], units[o]) == (owners[name], units[name])]
         found += of_sensor(model, name, others, interval, duration, scaled=heard[name] > HEARD, span=spans.get(name), begin=begin)
     return [_said(_absorbing(c, problem, values), problem, model) for c in found] + _fixed(
         problem, model, dae, solution.parameters, brought

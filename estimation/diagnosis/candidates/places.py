@@ -137,6 +137,20 @@ def sensors(model: Model) -> set[str]:
     return found
 
 
+def source(model: Model, signal: str) -> str:
+    """The component that a signal comes of, behind the blocks that it goes through."""
+    owner, _, port = signal.partition(".")
+    into = next((name for name in (port.replace("y", "u", 1), "u_1") if _is_read(model, f"{owner}.{name}")), None)
+    before = (end for end in sorted(node(model, f"{owner}.{into}")) if into and not _is_read(model, end))
+    return next((source(model, end) for end in before), owner)
+
+
+def _is_read(model: Model, end: str) -> bool:
+    """Whether it is the input of a block."""
+    owner, _, port = end.partition(".")
+    return owner in model.components and isinstance(model.components[owner].declared_signals.get(port), SignalInput)
+
+
 def _spots(model: Model) -> Iterator[Spot]:
     held, reading = set(grounds(model)), sensors(model)
     for name, component in model.components.items():

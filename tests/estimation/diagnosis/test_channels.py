@@ -7,8 +7,10 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from backsight.estimation.diagnosis.candidates.channels import lagged, late, of_alike, of_input, of_sensor
+from backsight.estimation.diagnosis.candidates.places import source
 from backsight.models import compile_model
 from backsight.models.plants import PLANTS, actuator, five_bar
+from backsight.models.signals import Lag
 
 EVEN = 0.01 * np.arange(200)
 UNEVEN = np.cumsum(0.01 * (1 + 0.6 * np.sin(np.arange(200.0) ** 2)))
@@ -128,6 +130,35 @@ def test_a_turned_sensor_reads_a_part_of_the_other_one():
     assert np.asarray(same) == pytest.approx(np.asarray(plain))
     assert float(turned[0]) == pytest.approx(float(plain[0]) + 0.2 * float(plain[1]))
     assert float(turned[1]) == pytest.approx(float(plain[1]))
+
+
+def test_two_sensors_that_are_turned_together_read_one_vector_in_turned_axes():
+    model, angle = PLANTS["xy_table"](), 0.2
+    faults = [c for c in of_sensor(model, "ax_r", ["ay_r"], 0.01, 1.0) if c.physics == "sensor_misalignment"]
+    c = faults[1]
+    assert not any("angle" in path for c in of_sensor(model, "ay_r", ["ax_r"], 0.01, 1.0) for path in c.strengths)  # once for the two
+    base, dae = compile_model(model), compile_model(c.edited(model))
+    rng, first = np.random.default_rng(0), [q.name for q in base.outputs].index("ax_r")
+    at = [rng.standard_normal(n) for n in (base.dx.shape[0], base.x.shape[0], base.z.shape[0], base.u.shape[0])]
+    w = np.zeros(base.w.shape[0])
+    _, plain = (np.asarray(y).ravel() for y in base.function()(*at, base.parameter_values(), w, 0.0))
+    _, turned = (np.asarray(y).ravel() for y in dae.function()(*at, dae.parameter_values({c.strengths[0]: angle}), w, 0.0))
+    second = [q.name for q in base.outputs].index("ay_r")
+    read = complex(turned[first], turned[second])
+    assert read == pytest.approx(complex(plain[first], plain[second]) * np.exp(-1j * angle))
+    others = [k for k in range(len(plain)) if k not in (first, second)]
+    assert turned[others] == pytest.approx(plain[others])
+
+
+def test_a_sensor_comes_of_its_component_whatever_blocks_are_between():
+    model = PLANTS["xy_table"]()
+    read = model.measured["ax_r"].variable
+    owner = read.partition(".")[0]
+    assert source(model, read) == owner
+    c = next(c for c in of_sensor(model, "ax_r", ["ay_r"], 0.01, 1.0) if any("angle" in path for path in c.strengths))
+    edited = c.edited(model).insert("sensor:ay_r", Lag(tau=0.1), "slow")
+    assert edited.measured["ay_r"].variable.partition(".")[0] == "slow"
+    assert [source(edited, edited.measured[name].variable) for name in ("ax_r", "ay_r")] == [owner, owner]
 
 
 def test_saturation_and_dead_zone_are_looked_at_as_they_are():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backsight.models import Component, Model, ModelError, SignalInput, compile_model, simulate
-from backsight.models.signals import Constant, DeadZone, Drift, Gain, Offset, PeriodicError, Saturation, Sine, Sum
+from backsight.models.signals import Constant, DeadZone, Drift, Gain, Offset, PeriodicError, Rotation, Saturation, Sine, Sum
 
 T = np.linspace(0.0, 2.0, 9)
 U = np.array([-3.0, -1.2, -1.0, -0.4, 0.0, 0.4, 1.0, 1.2, 3.0])
@@ -43,6 +43,14 @@ def test_a_disk_that_is_not_centred_reads_too_much_and_too_little_once_a_turn() 
 
 def test_a_sum_with_a_weight_of_minus_one_is_a_difference() -> None:
     assert output(Sum(k_2=-1.0), u_1=U, u_2=T) == pytest.approx(U - T, abs=1e-15)
+
+
+def test_axes_that_are_turned_read_one_vector() -> None:
+    told, a = {"u_1": "block.u_1", "u_2": "block.u_2"}, 0.3
+    read = {"y_1": "block.y_1", "y_2": "block.y_2"}
+    model = Model(name="alone", components={"block": Rotation(angle=a)}, inputs=told, outputs=read)
+    y = simulate(compile_model(model), T, {"u_1": U, "u_2": T}).outputs
+    assert y["y_1"] + 1j * y["y_2"] == pytest.approx((U + 1j * T) * np.exp(-1j * a), abs=1e-14)
 
 
 def test_a_saturation_clips_where_a_simulation_makes_its_corners_sharp() -> None:
