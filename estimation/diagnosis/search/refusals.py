@@ -95,8 +95,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
     """Whether its fit made it so small that its force is less than the floor at every place.
 
     Play by what its coupling bears differently, k gap/2: less than half of that mends what a mesh of one interval a sample cannot
-    follow. Of several strengths by these; others by what they were at their score: an effect goes with its one strength, and a dead zone's
-    with its width. A parameter that is wrong by a share that matters is never slight.
+    follow. Several strengths, and waves, by what the fit made of them; others by what they were at their score: an effect goes with its
+    one strength, and a dead zone's with its width. A parameter that is wrong by a share that matters is never slight.
     """
     if f.result is None:
         return False
@@ -107,8 +107,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
         return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
     if s is None:
         return False
-    if len(c.strengths) > 1 and not (c.signals or c.absorbs or c.quadrature):
-        return max(sizes.shares(s.look, fitted_strengths(c, f.result)).values(), default=0.0) < FLOOR
+    if (len(c.strengths) > 1 or (c.quadrature and "period" in c.named)) and not (c.signals or c.absorbs or c.ratio):
+        return 0.0 < max(sizes.shares(s.look, fitted_strengths(c, f.result)).values(), default=0.0) < FLOOR
     if (alone := _alone(c, s)) is None:
         return False
     path, there = alone

@@ -111,6 +111,20 @@ def test_what_its_fit_leaves_hardly_anything_of_is_none(physics, value, is_nothi
     assert slight(c, s, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
 
 
+@pytest.mark.parametrize(("size", "is_nothing"), [(0.8, True), (1.2, False)])
+@pytest.mark.parametrize("waves", [False, True])
+def test_a_law_of_several_strengths_or_a_wave_has_the_same_floor(size, is_nothing, waves):
+    """By what its fit made of it: 1 % of the forces at a size of one."""
+    s = screened("carriage", "viscous_friction", 50.0)
+    own = {"strengths": ("wave.amplitude",), "quadrature": "wave.phase", "named": {"period": "wave.period"}}
+    c = replace(s.candidate, start={}, **(own if waves else {"strengths": ("law.b", "law.c")}))
+    told = {"wave.amplitude": size, "wave.phase": 0.3} if waves else {"law.b": 0.0, "law.c": size}
+    result = SimpleNamespace(parameters={name: SimpleNamespace(name=name, value=value) for name, value in told.items()})
+    sizes = SimpleNamespace(shares=lambda _, strengths: {"carriage": FLOOR * float(np.linalg.norm(strengths))})
+    s = replace(s, look=replace(s.look, candidate=c), estimate=np.array([5.0, 5.0]))
+    assert slight(c, s, Fitted(candidate=c, result=result), sizes) is is_nothing
+
+
 @pytest.mark.parametrize(
     ("family", "value", "is_nothing"), [("parameter", 0.055, False), ("parameter", 0.0595, True), ("inertia", 0.055, True)]
 )
