@@ -171,8 +171,13 @@ class Search(State):
             self.compared = False
             self.notes.append(INCOMPARABLE)
             return False
-        outcome: Best | Base | None = self._best_freely(scored)
-        if outcome is None:
+        outcome: Best | Base | None = None
+        if (freely := self._with_inertias_free(scored)) is not None:
+            outcome = freely.best_of_the_likely(self.freely or now, self.near_enough)
+        if freely is not None and outcome is not None:
+            scored = freely
+            self.free()
+        else:
             outcome = scored.best(now, moving=self.moved < MOVES)
         self.tried, self.last_tried = [*self.tried, *scored.tried], scored.tried
         self.cut = tuple(c.title for c, _, fit in scored.fitted if fit.late and not np.isfinite(fit.gain))
@@ -184,15 +189,10 @@ class Search(State):
             self._keep(scored, outcome)
         return outcome is not None
 
-    def _best_freely(self, scored: Round) -> Best | None:
-        """Where inertias are near their guesses, the best of a round with these free, if it is one with which none runs away."""
-        problem, now = free_again(self.problem), self.freely or self.now
-        if problem is self.problem:
-            return None
-        best = replace(scored, base=replace(scored.base, problem=problem)).best_of_the_likely(now, self.near_enough)
-        if best is not None:
-            self.free()
-        return best
+    def _with_inertias_free(self, scored: Round) -> Round | None:
+        """A round that fits with inertias free which are near their guesses; None where there are none."""
+        problem = free_again(self.problem)
+        return None if problem is self.problem else replace(scored, base=replace(scored.base, problem=problem), fitted=[])
 
     def _weighed(self) -> bool:
         """Whether the model has come to rest with weights from the data, found from here; then the search goes on with these.
