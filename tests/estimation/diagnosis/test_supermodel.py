@@ -11,6 +11,7 @@ from concealed_axis import smoothed
 from backsight.estimation import Free, Problem, Recording, smooth
 from backsight.estimation.diagnosis.candidates.candidate import Candidate, Exchange, Signal
 from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.scores.enlarged import Enlarged
 from backsight.estimation.diagnosis.scores.score import Columns, Linearised
 from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.estimation.diagnosis.search.refit import QUICKLY
@@ -19,6 +20,7 @@ from backsight.models.mechanics import translational
 from backsight.models.mechanics.planar import Body, FrameFixed, Prismatic, World
 from backsight.models.mechanics.rotational import Gear, Inertia, Rack, Torque
 from backsight.models.plants import actuator
+from backsight.models.signals import Lag
 
 
 @pytest.fixture(scope="module")
@@ -173,3 +175,27 @@ def test_a_candidate_with_which_a_force_stands_elsewhere_is_left_out_and_the_oth
     seen = {look.candidate.key for look in looked_at(problem, problem.model, base, known)}
     assert moved[0].key not in seen
     assert (place.name, "viscous_friction") in seen
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_a_model_with_all_candidates_is_the_smoothed_one_off_the_solution_too(late, monkeypatch):
+    """Where all that must vanish does a row that another model divides by something is the same. late: an input that lags already."""
+    problem, _, base = smoothed(0.5)
+    if late:
+        problem = replace(problem, model=actuator().insert("input:F", Lag(tau=0.01), "late"), parameters=dict(problem.parameters))
+        base = Linearised(smooth(problem).solution)
+    compared = list[int]()
+
+    def off_too(self: Enlarged, parameters: np.ndarray) -> None:
+        solution, rng = self._base.solution, np.random.default_rng(1)
+        values, decisions = self._values(parameters)
+        moved = solution.solved.decisions + 0.1 * solution.values.unit * rng.standard_normal(solution.solved.decisions.shape)
+        own = solution.transcription.nlp.evaluated.rows(solution.values.scaled(moved), solution.values)
+        rows = self._program.nlp.evaluated.rows(values.scaled(np.concatenate([moved, decisions[len(moved) :]])), values)
+        for k, row in zip(self._numbered, rows, strict=True):
+            assert row == pytest.approx(own[k], rel=1e-6, abs=1e-6 * max(1.0, float(np.abs(own[k]).max(initial=0.0))))
+            compared.append(row.size)
+
+    monkeypatch.setattr(Enlarged, "check", off_too)
+    assert looked_at(problem, problem.model, base, library(problem, problem.model, base.solution))
+    assert sum(compared) > 1000
