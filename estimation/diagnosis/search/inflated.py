@@ -11,7 +11,7 @@ Noise in the equation of a motion makes an inertia too large as noise in a regre
 inertia M of all that moves there is the inverse slope of a over F, comes out as M0 / (1 - s^2), s = rms r / rms M a. A part of it that is
 free beside known ones, J, has all of the excess, s^2 M. A guess that is merely poor leaves no such force: with s^2 M < J / 2 an inertia is
 no more than twice too large, and is what it is, if the recordings tell it at all: beside a weight that swings slowly they may not. One
-that is smaller than guessed has run away where it is not told, for residual forces do what it should.
+that is not told since residual forces do what it should may be anywhere, wherever it is.
 """
 
 from __future__ import annotations
@@ -62,12 +62,10 @@ def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str
         if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or not isinstance(free, Free):
             continue
         low, high = max(free.min, given.guess / FAR), min(free.max, given.guess * FAR)
-        if free.drift is not None or not low < high or low <= p.value <= high:
+        if free.drift is not None or not low < high or (low, high) == (free.min, free.max):
             continue
-        lost = p.identifiable is False
-        if p.value > high and not lost and _excess(solution, result, name) <= MOST:
-            continue
-        if p.value < low and not (lost and _does_nothing(problem, result, solution, name)):
+        lost, far = p.identifiable is False, p.value > high
+        if not ((far and (lost or _excess(solution, result, name) > MOST)) or (lost and _does_nothing(problem, result, solution, name))):
             continue
         near[name] = Near(float(np.clip(free.guess, low, high)), low, high, free.std, None, free.per_recording, given=free)
         said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")

@@ -106,6 +106,28 @@ def test_friction_as_strong_as_all_other_forces_is_friction_whatever_the_guess_o
     assert d.repaired.parameters["carriage.m"].max == np.inf
 
 
+def sprung_and_toothed(_, x, __):
+    """Force of a spring, and of teeth 50 mm apart [N]."""
+    return -6e3 * x - 150.0 * np.sin(2 * np.pi * x / 0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("guess", "f_c", "force", "truth"),
+    [
+        (90.0, 300.0, sprung, {"spring": STIFF, "coulomb_friction": 300.0}),
+        (30.0, 150.0, sprung_and_toothed, {"spring": 6e3, "coulomb_friction": 150.0, "cogging": 150.0}),
+    ],
+)
+def test_forces_that_are_missing_together_are_found_one_after_the_other(guess, f_c, force, truth):
+    """Beside a mass that nothing tells, 1e56 kg or none at all: with any one of them it still is not told."""
+    d = diagnose(guessed(posed(run(3.0, STEP, f_c=f_c, force=force), W={}), guess), jobs=1)
+    words = {"spring": "k", "coulomb_friction": "f_c", "cogging": "amplitude"}
+    found = {f.explanation.physics: f.explanation.parameters[words[f.explanation.physics]].value for f in d.findings}
+    assert {name: abs(value) for name, value in found.items()} == pytest.approx(truth, rel=1e-3)
+    assert d.after.parameters["carriage.m"].value == pytest.approx(MASS, rel=1e-3)
+
+
 @pytest.mark.slow
 def test_a_guess_that_is_far_off_is_nothing_that_is_missing():
     d = diagnose(guessed(posed(run(3.0, STEP), W={}), MASS / 5), jobs=1)
