@@ -48,7 +48,7 @@ from .refusals import SIMPLE, Beside, borne_out
 
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias
-NEAR = 0.5  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+NEAR = 0.25  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 
 
 @dataclass(frozen=True, kw_only=True)
