@@ -18,6 +18,7 @@ KINDS = {
 LEFT_OUT = "The model leaves out"
 STANDING_OUT = 10.0  # nats, of an effect that is too small to matter: with as much it is told of, for it is there
 NAMED = 3  # of what recordings cannot tell apart
+FEW_BLOCKS = 5  # of what was held out: however plain a gain is, so few cannot make its chance small
 UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 
@@ -124,7 +125,8 @@ def gain(held: HeldOut | None) -> str:
         return ""
     size, where = held.improvement_percent, listed(held.recordings) or held.role
     less = f"{abs(size):.3g} % {'smaller' if size >= 0 else 'larger'}"
-    told = f" ({p})" if (p := probability(held.p_value)) else ""
+    of = f" from {held.blocks} stretches" if held.blocks < FEW_BLOCKS else ""
+    told = f" ({p}{of})" if (p := probability(held.p_value)) else ""
     return f" On {where}, which the fit has not seen, prediction errors are {less} with it{told}." if size else ""
 
 

@@ -36,9 +36,8 @@ FAR = 2.0  # times its guess, or a part of it
 MOST, ALL = 0.5, 0.5  # of an inertia: its excess; of the forces: left over
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
-    "With nothing put right {said}. What is missing was looked for with between half of that and twice as much, and fitted with what the "
-    "study has. Where its input only answers what the model lacks, under a stiff controller, give every input the noise of its "
-    "measurement, V, and residual forces next to none, W, in [weights]."
+    "With nothing put right {said}. What is missing was looked for with no less than half and no more than twice the guess, and fitted "
+    "with what the study has. A better guess makes that surer."
 )
 
 

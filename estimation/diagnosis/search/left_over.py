@@ -48,7 +48,7 @@ class LeftOver:
             kept = f"{100 * lasts * share:.2g} % of them last for longer than noise, of which W tells"
             return f"Left over at {worst}: a force of {force}. {kept}: too little for something that is missing."
         if not self.needed(worst):
-            return f"Left over at {worst}: a force of {force}. With next to none the recordings are as likely, so it is nothing."
+            return f"Left over at {worst}: a force of {force}. With next to none the recordings are as likely: they do not need it."
         return nameless(worst, share, self.base.result, tried, self.base.problem)
 
     def needed(self, place: str) -> bool:

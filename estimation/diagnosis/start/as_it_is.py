@@ -18,7 +18,6 @@ from ...smoothing.unseen import unseen_states
 from ..evidence.latent import as_tight, straining
 from ..scores.shares import left_over
 from ..search.fits import Progress
-from ..search.inflated import with_inertias_near
 from ..search.keep import Keep
 from ..search.refit import FAILURES, HELD, PATIENT, QUICKLY, beyond_all_bounds, comparable
 from .misread import Reading, idle, lost, misread
@@ -48,8 +47,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
     parameters may have gone anywhere, so that weights from the data begin at the recordings all the same, and where they do not come to
     rest from there either, where the held ones were left. A model that does not come to rest in any way is taken as it was left with held
     ones: what it lacks may be what keeps it from that.
-    end: on the clock of `time.time`, by which it should be there. asking: whether one that explains nothing has its columns doubted;
-    not where its inertias have run away (`inflated.py`): that may be why.
+    end: on the clock of `time.time`, by which it should be there. asking: whether one that explains nothing has its columns doubted.
     """
 
     def smoothed(what: str, way: Settings, begin: Smoothing | None = None, posed: Problem = problem) -> Smoothing | None:
@@ -79,8 +77,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         if near is None or not comparable(problem, near):
             raise
         found = None
-    doubted = asking and found is not None and (lost(found) or idle(found)) and not with_inertias_near(problem, found)[1]
-    if doubted and found is not None and (said := _misread(problem, found, kept, say, end)):
+    if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):
         raise InputError(f"diagnose: {EXPLAINS_NOTHING} of what was recorded. It explains more if {said}.")
     if found is not None and not found.solver.converged and comparable(problem, found):
         found = smoothed(", from where it was left", onward, found) or found

@@ -19,7 +19,7 @@ import numpy as np
 from backsight.models.augmentation.parameters import case_name
 from backsight.models.dae import Quantity
 
-from ...problem import Problem, noise_names
+from ...problem import Free, Problem, noise_names
 from ...recordings.units import OTHERS, to_si
 from ...results import Smoothing
 from ...smoothing.explaining import EXPLAINS_NOTHING
@@ -32,6 +32,7 @@ Value = TypeVar("Value")
 
 LOST = -100.0  # percent of fit: residuals are twice what the mean would leave
 MORE = 3.0  # times the residual forces of the best reading: with as much one is none
+FAR_OFF = 100.0  # times its guess, or a part of it: no reading that is right makes a parameter so
 LESS = 0.1  # of the residual forces of a model that explains nothing: with more another reading explains little more
 
 
@@ -63,7 +64,7 @@ def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Readin
         explained = False
         for said, remedy, read in readings:
             there = smoothed(f" if {said}", read)
-            if there is not None and there.solver.converged and not idle(there):
+            if there is not None and there.solver.converged and not idle(there) and _plausible(problem, there):
                 found[f"{said}: {remedy}"] = _force(there)
                 explained |= max(left_over(read(problem), there).values(), default=0.0) < FLOOR
         if explained:
@@ -72,6 +73,13 @@ def misread(problem: Problem, result: Smoothing, smoothed: Callable[[str, Readin
     if idle(result):
         most = min(most, LESS * _force(result))
     return ", or if ".join(words for words, force in found.items() if force <= most)
+
+
+def _plausible(problem: Problem, result: Smoothing) -> bool:
+    """Whether free parameters are somewhere near their guesses: read a million times too small friction explains any motion by itself."""
+    values = {p.name: p.value for p in result.parameters.values()}
+    guesses = {name: given.guess for name, given in problem.parameters.items() if isinstance(given, Free) and given.guess}
+    return all(1.0 / FAR_OFF < values[name] / guess < FAR_OFF for name, guess in guesses.items() if name in values)
 
 
 def _force(result: Smoothing) -> float:

@@ -263,6 +263,8 @@ def test_every_verdict_is_one_sentence():
     )
     with_proof = sentence(diagnosis())
     assert "On held.csv, which the fit has not seen, prediction errors are 75 % smaller with it (p = 0.001)." in with_proof
+    few = replace(diagnosis(), held_out=replace(diagnosis().held_out, blocks=2, p_value=0.03))
+    assert "smaller with it (p = 0.03 from 2 stretches)." in sentence(few)
 
 
 @pytest.mark.parametrize(
