@@ -90,9 +90,14 @@ def unheld(problem: Problem, solution: Solution) -> Solution:
 
 
 def _excess(solution: Solution, result: Smoothing, inertia: str) -> float:
-    """By what share of itself an inertia is too large at the place where that is least; inf where it moves nothing."""
+    """By what share of itself an inertia is too large at the place where that is least; inf where it moves nothing.
+
+    0 where no residual force is in any of its balances: then none can have made it so.
+    """
     t = solution.transcription
     p, names, places = t.dae.p, [q.name for q in t.dae.parameters], _places(solution, result, inertia)
+    if not places:
+        return 0.0
     every = [k for k, q in enumerate(t.dae.parameters) if q.unit in INERTIAS]
     F = t.dae.undisturbed(t.dae.residual[t.dae.balances_of([*places.values()])])
     slopes = ca.densify(ca.jacobian(F, p))
