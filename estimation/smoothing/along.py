@@ -17,8 +17,7 @@ from backsight.ocp.polynomials import Array
 from ..problem import Problem
 
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
-DIRECTIONS = {"rad", "1"}  # units of what says how a force is turned, or which part of it acts; other factors say how strong it is
-GEOMETRY = {"m", *DIRECTIONS}  # and where it acts
+GEOMETRY = {"m", "rad", "1"}  # units of what says where a force acts, how it is turned, or which part of it; others say how strong it is
 STIFFNESS = "N/m"
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
@@ -79,10 +78,10 @@ def _of_size(dae: Dae, F: Any, borne: bool, taut: bool, net: bool) -> Any:
     springs = ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if q.unit == STIFFNESS))
 
     def geometric(i: int, unit: str) -> bool:
-        if net and unit in GEOMETRY:
-            return True
+        if unit not in GEOMETRY:
+            return False
         by = springs if taut else positions
-        return (borne or taut) and unit in GEOMETRY and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by))
+        return net or ((borne or taut) and bool(ca.depends_on(ca.jacobian(F, dae.p[i]), by)))
 
     return ca.vertcat(*(dae.p[i] for i, q in enumerate(dae.parameters) if not geometric(i, q.unit)))
 

@@ -109,8 +109,11 @@ def freed(state: State) -> Smoothing | None:
     state.fits.say(what)
     problem = settled(problem, state.result)
     found = state.again(problem, what)
-    state.freely = None if found is None else state.worth(problem, found)
-    if found is not None and state.near_enough(problem, found) and state.worth(problem, found).over(state.now) > 0:
+    if found is None:
+        state.freely = None
+        return None
+    worth = state.freely = state.worth(problem, found)
+    if state.near_enough(problem, found) and worth.over(state.now) > 0:
         state.standing = state.standing.at(problem, found)
         state.free()
     return found
