@@ -9,8 +9,9 @@ it stands still is what speaks for friction.
 
 Where both hold a body by the same law and the same room, what they differ in is elsewhere, and a rest tells of it all along: a bit that
 sticks for most of a record must not hide what rubs at the other end of the string. A law whose strength is known to one and free in the
-other is not the same. There only how they creep before the bit breaks away is
-no physics: a few stretches with hundreds of nats, which count for no more than LIMIT times what a stretch of a rest usually does.
+other is not the same, nor one that is much weaker beside something else that holds the body, too. There only how they creep before the bit
+breaks away is no physics: a few stretches with hundreds of nats, which count for no more than LIMIT times what a stretch of a rest usually
+does.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 PARTS, STRETCHES = 20, 5  # of a record, and of each of them, by which a gain's doubt is told
 LIMIT = 3.0  # times the median over the stretches with a rest
 STRENGTHS = ("N", "N.m")
-ALIKE = 0.05  # relative difference of widths and rooms that are the same
+ALIKE, AS_STRONG = 0.05, 0.3  # relative difference of widths and rooms that are the same; of strengths that are about the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,20 +88,21 @@ class Worth:
         """Whether two models hold a body by the same law, known or unknown alike, and have the same room beside it."""
         (own, room), (those, as_much) = self._at_rest(place), other._at_rest(place)
         same = own.keys() == those.keys() and all(_alike(own[name], those[name]) for name in own) and _alike(room, as_much)
-        return same and self._unknown(own) == other._unknown(own)
+        one, two = self._unknown(own), other._unknown(own)
+        return same and one.keys() == two.keys() and _alike(sum(one.values()), sum(two.values()), AS_STRONG)
 
     def _at_rest(self, place: str) -> tuple[Mapping[str, float], float]:
         """The rounded signs at a place, and the strength for which there is room."""
         signs, rooms = self._holding
         return signs.get(place, {}), rooms.get(place, 0.0)
 
-    def _unknown(self, signs: Collection[str]) -> set[str]:
-        """The free strengths of laws, by the widths of their signs."""
+    def _unknown(self, signs: Collection[str]) -> dict[str, float]:
+        """The free strengths of laws, by the widths of their signs, and their sizes [N or N m]."""
         if self.solution is None:
-            return set()
+            return {}
         t, laws = self.solution.transcription, {name.rpartition(".")[0] for name in signs}
-        free = [p for p in (t.dae.parameters[i] for i in t.nlp.free) if p.unit in STRENGTHS]
-        return {p.name for p in free if without_case(p.name).rpartition(".")[0] in laws}
+        free = [(p, abs(float(self.solution.parameters[i]))) for i in t.nlp.free if (p := t.dae.parameters[i]).unit in STRENGTHS]
+        return {p.name: size for p, size in free if without_case(p.name).rpartition(".")[0] in laws}
 
     @cached_property
     def _holding(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, float]]:
@@ -135,8 +137,8 @@ def _stretches(values: Array) -> list[Array]:
     return np.array_split(values, PARTS * STRETCHES)
 
 
-def _alike(one: float, other: float) -> bool:
-    return abs(one - other) <= ALIKE * max(abs(one), abs(other))
+def _alike(one: float, other: float, within: float = ALIKE) -> bool:
+    return abs(one - other) <= within * max(abs(one), abs(other))
 
 
 NONE = Worth(nats=-np.inf, solution=None)

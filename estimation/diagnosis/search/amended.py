@@ -9,18 +9,19 @@ from ...results import Smoothing
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
 from .choice import CLEAR, idle
-from .elimination import Bare
+from .elimination import Bare, alone
 from .inflated import free_again
 from .one_level import OneLevel
 from .refit import settled
 from .state import State
 
+DOUBTS = 2.0  # deviations of what a model gains
 BY = {"tau", "delay"}  # what a lag and a delay have
 
 
 def amend(state: State) -> None:
     """All of it, one after the other."""
-    for ask in (eliminate, late_by_both, of_one_level, held_again, freed):
+    for ask in (eliminate, stood_in, late_by_both, of_one_level, held_again, freed):
         ask(state)
 
 
@@ -46,6 +47,28 @@ def _without_idle_ones(state: State) -> bool:
             continue
         state.standing = found.instead_of(state.standing.findings[k], more)
     return len(state.standing.accepted) < before
+
+
+def stood_in(state: State) -> None:
+    """What was found before another effect, and took a part of what that is, goes where that one alone does as well.
+
+    Friction of a machine that its controller moves slowly is an input's dead zone, too: while it slides only their sum is told. Their own
+    fit sees how a law with a rounded sign creeps and takes it for a difference; of two models that hold a body by the same law it is none
+    (`worth.py`). So the model without it is fitted, from where the fit says that the others would be with it at nothing. It stays where the
+    model is better with it beyond doubt.
+    """
+    for k in reversed(range(len(state.standing.accepted) - 1)):
+        c = state.standing.accepted[k]
+        begin = alone(c, state.standing.others(k), state.problem, state.result)
+        if begin is None or state.fits.left == 0:
+            continue
+        state.fits.say(f"what was found later without {c.title}")
+        found = state.without(k, begin=begin)
+        if found is None:
+            continue
+        worth = state.worth(found.problem, found.result)
+        if (more := worth.over(state.now)) > -max(CLEAR, DOUBTS * worth.doubt(state.now)):
+            state.standing = found.instead_of(state.standing.findings[k], more)
 
 
 def late_by_both(state: State) -> None:

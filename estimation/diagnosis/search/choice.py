@@ -230,7 +230,7 @@ def sound(c: Candidate, f: Fitted) -> bool:
     told = [p for n in means if (p := f.result.parameters.get(n)) is not None and p.std is not None]
     if not told:
         return False
-    nothing, spread = _nothing(c), SPREAD_OF_COUPLINGS if c.dear else SPREAD
+    nothing, spread = without_effect(c), SPREAD_OF_COUPLINGS if c.dear else SPREAD
     alike = dict[str, list[tuple[float, float]]]()
     for p in told:
         alike.setdefault(p.unit, []).append((p.std or 0.0, abs(p.value - nothing.get(p.name, c.neutral(p.name)))))
@@ -273,7 +273,7 @@ def spared(candidates: Sequence[Candidate], result: Smoothing) -> tuple[int, flo
     for own, c in sorted(((spare(c, result), c) for c in candidates), key=lambda one: -one[0]):
         if not own > -CLEAR:
             break
-        both = at | {n: end for n, end in _nothing(c).items() if n in told}
+        both = at | {n: end for n, end in without_effect(c).items() if n in told}
         more = nats + own if not at else more_probable_at(result, both)
         if more - nats > -CLEAR:
             gone, nats, at = gone + 1, more, both
@@ -286,9 +286,9 @@ def spare(c: Candidate, result: Smoothing) -> float:
     At nothing, on its bound, it is as good without. So it is without one whose two strengths are one, where the model had that. Of
     couplings, which have no strength, nobody can say.
     """
-    nothing = _nothing(c)
+    nothing = without_effect(c)
     if c.all_shape:
-        ends = {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
+        ends = shapes_without_effect(c)
         near = {path: NEARLY * abs(end) for path, end in ends.items()}
     else:
         ends = nothing
@@ -303,7 +303,12 @@ def spare(c: Candidate, result: Smoothing) -> float:
     return max([*more, *([more_probable_at(result, at)] if at else [])], default=-inf)
 
 
-def _nothing(c: Candidate) -> dict[str, float]:
+def shapes_without_effect(c: Candidate) -> dict[str, float]:
+    """The same of what has but shapes: width of a dead zone, time of a lag."""
+    return {path: c.start[path][AT_NOTHING[word]] for word, path in c.named.items() if word in AT_NOTHING and path in c.start}
+
+
+def without_effect(c: Candidate) -> dict[str, float]:
     """Parameter -> its value where there is no effect: a level that waves is there without it, and has no waves then."""
     return {c.ratio: 0.0} if c.ratio else {n: c.neutral(n) for n in c.strengths or c.grows[:1]}
 

@@ -9,14 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from backsight.models import Model
 from backsight.models.errors import ModelError
 
-from ...problem import Problem
+from ...problem import Free, Problem
 from ...results import Smoothing
 from ..candidates.candidate import Candidate
 from ..evidence.offsets import PREFIX
+from .choice import shapes_without_effect, without_effect
 from .refit import posed
+
+TWINS = 0.95  # correlation of strengths of two effects from which on one of them may be all that there is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +55,23 @@ class Bare:
                 return None
             waiting = later
         return problem, model
+
+
+def alone(c: Candidate, others: Sequence[Candidate], problem: Problem, result: Smoothing) -> dict[str, Free] | None:
+    """Where strengths of others begin in a model without a candidate; None where none of them goes with it so closely that it may be one.
+
+    There they are most probable with its strengths at nothing, of a normal distribution.
+    """
+    told = {name: free for name in result.correlation.index if isinstance(free := problem.parameters.get(name), Free)}
+    nothing = shapes_without_effect(c) if c.all_shape else without_effect(c)
+    ends = {name: end for name, end in nothing.items() if name in told and np.isfinite(end)}
+    beside = [name for other in others for name in other.strengths or other.named.values() if name in told]
+    if not ends or not beside or not np.abs(result.correlation.loc[list(ends), beside].to_numpy(float)).max() > TWINS:
+        return None
+    C, n, values = result.covariance([*ends, *beside]), len(ends), result.parameters
+    step = C[n:, :n] @ np.linalg.pinv(C[:n, :n]) @ np.array([end - values[name].value for name, end in ends.items()])
+    begin = [float(np.clip(values[name].value + d, told[name].min, told[name].max)) for name, d in zip(beside, step, strict=True)]
+    return {name: replace(told[name], guess=guess) for name, guess in zip(beside, begin, strict=True)}
 
 
 def _own(c: Candidate, values: Mapping[str, float]) -> dict[str, float]:

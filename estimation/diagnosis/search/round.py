@@ -48,6 +48,7 @@ from .refusals import SIMPLE, Beside, borne_out
 
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias
+LOST = 0.5  # of the forces at a place: with more left over no end that a fit from there comes to is sure to be the best
 NEAR = 0.25  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
 
 
@@ -216,7 +217,20 @@ class Round:
 
     def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
         """Fits of candidates, held against those that there are."""
-        self.fitted = _gained([*self.fitted, *self._judged(wanted)], now)
+        self.fitted = _gained([*self.fitted, *self._from_the_guesses(self._judged(wanted))], now)
+
+    def _from_the_guesses(self, fits: list[Judged]) -> list[Judged]:
+        """Fits of what was scored, or those from the guesses where these are better, if the model as it is leaves most of the forces over.
+
+        Weights from the data have several ends: from one at which residual forces do everything no small steps lead to one that leaves
+        next to nothing to them.
+        """
+        if not (self.sizes.most > LOST and self.base.settings.weigh):
+            return fits
+        scored = [(k, (c, s)) for k, (c, s, _) in enumerate(fits) if s is not None]
+        found = self.fits.candidates(self._as_guessed, [one for _, one in scored], anew=True)
+        better = {k: fit for (k, _), fit in zip(scored, found, strict=True) if fit[2].worth.over(fits[k][2].worth) > 0}
+        return [better.get(k, fit) for k, fit in enumerate(fits)]
 
     def _judged(self, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
         """Fits of candidates from where the base came to rest; of what may hold a body that no output shows, from the guesses.
@@ -260,8 +274,10 @@ class Round:
     def _as_guessed(self) -> Base:
         """The base with the guesses of its parameters that were given."""
         own = self.base.problem.parameters
-        given = {name: free for name, free in self.bare.problem.parameters.items() if isinstance(free, Free) and name in own}
-        return replace(self.base, problem=replace(self.base.problem, parameters={**own, **given}))
+        given = self.bare.problem.parameters
+        both = {n: (free, given[n]) for n, free in own.items() if n in given}
+        begin = {n: replace(a, guess=b.guess) for n, (a, b) in both.items() if isinstance(a, Free) and isinstance(b, Free)}
+        return replace(self.base, problem=replace(self.base.problem, parameters={**own, **begin}))
 
     def _borne_out(self, fits: list[Judged]) -> list[Judged]:
         """The fits with enough evidence against which nothing speaks; all are remembered, with what does."""

@@ -14,7 +14,7 @@ from ..scores.shares import Sizes, left_over
 from .elimination import Bare
 from .fits import Base, Fits
 from .inflated import Near, free_again, with_inertias_near
-from .refit import QUICKLY, settled, worth_of
+from .refit import HELD, QUICKLY, settled, worth_of
 from .standing import Standing
 
 
@@ -100,15 +100,21 @@ class State:
     def without(self, k: int, least: float = 0.0, begin: Mapping[str, Free] | None = None) -> Standing | None:
         """Without the k-th of what was accepted, fitted anew; None where others need that, or it does not arrive.
 
-        least: time that the fit has when the search's is over [s]. begin: parameters that begin elsewhere than where they are.
+        least: time that the fit has when the search's is over [s]. begin: parameters that begin elsewhere than where they are; first at the
+        weights as they are then, which that is no reason to leave.
         """
         posed = self.standing.having(self.standing.others(k), self.bare)
         if posed is None:
             return None
-        problem, c = settled(posed[0], self.result), self.standing.accepted[k]
-        problem = replace(problem, parameters={**problem.parameters, **(begin or {})})
+        problem, c, base = settled(posed[0], self.result), self.standing.accepted[k], self.base
         what = f"without {c.title}, {c.key}, {sorted(c.named.values())}, {c.onset}"
-        found = self.fits.again(self.base, problem, f"{what}, {begin}" if begin else what, least=least)
+        if begin:
+            own = {name: free for name, free in begin.items() if name in problem.parameters}
+            problem, what = replace(problem, parameters={**problem.parameters, **own}), f"{what}, {begin}"
+            held = self.fits.again(replace(base, settings=replace(HELD, supposed=base.settings.supposed)), problem, f"{what}, held")
+            if held is not None:
+                problem, base = settled(problem, held), replace(base, result=held)
+        found = self.fits.again(base, problem, what, least=least)
         return None if found is None else self.standing.taking_out(k, self.standing.at(problem, found, posed[1]))
 
     def on_a_checked_mesh(self) -> None:

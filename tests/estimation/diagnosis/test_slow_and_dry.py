@@ -1,0 +1,98 @@
+"""A machine that a stiff servo moves slowly against dry friction, which is nearly all of the force there is.
+
+While it slides the force of the drive has the sign of the velocity, so a dead zone of the drive takes as much of it as friction does, and
+while it sticks either may hold it. Signs that are rounded tell them apart all the same, which is no physics.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+from concealed_axis import posed
+
+from backsight.data.generators import actuator as machine
+from backsight.data.generators.run import Run
+from backsight.estimation import Free, Problem
+from backsight.estimation.diagnosis import diagnose
+from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.library import library
+from backsight.estimation.diagnosis.search.amended import stood_in
+from backsight.estimation.diagnosis.search.fits import Fits
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import QUICKLY, settled
+from backsight.estimation.diagnosis.search.refit import posed as having
+from backsight.estimation.diagnosis.search.search import Search
+from backsight.estimation.diagnosis.search.standing import Standing
+from backsight.estimation.smoothing.smoother import smoothing
+
+FREQUENCIES, AMPLITUDES = np.array([0.15, 0.27, 0.4]), np.array([0.06, 0.03, 0.015])  # Hz, m
+
+
+def slow(f_c: float, duration: float, dead: float = 0.0, faster: float = 1.0) -> Run:
+    """Sines under friction of f_c [N], event by event; dead: what of the recorded force does not arrive [N]. faster: times these sines."""
+    conditions = replace(machine.CONDITIONS, duration=duration, step=2e-3)
+    time, rng = np.arange(round(duration / conditions.step)) * conditions.step, np.random.default_rng(1)
+    angle = 2 * np.pi * faster * FREQUENCIES * time[:, None] + rng.uniform(0, 2 * np.pi, 3)
+    x, v = np.sin(angle) @ AMPLITUDES, np.cos(angle) @ (2 * np.pi * faster * FREQUENCIES * AMPLITUDES)
+    made = machine.simulate(machine.Carriage(f_c=f_c, f_0=0.0, d=100.0), machine.SERVO, time, (x - x[0], v), conditions, rng, None)
+    F = made.inputs["F"]
+    return replace(made, inputs={"F": F + dead * np.sign(F)})
+
+
+@pytest.mark.slow
+def test_dry_friction_of_a_slow_machine_is_no_dead_zone_beside_less_of_it():
+    """From the model without friction, whose residual forces do everything, no fit of it comes to rest where they do nothing."""
+    d = diagnose(posed(slow(300.0, 6.0), W={}, carriage__m=Free(150.0)), jobs=1)
+    (found,) = d.findings
+    assert found.explanation.words == "coulomb friction at carriage"
+    assert found.explanation.parameters["f_c"].value == pytest.approx(300.0, rel=1e-3)
+    assert d.after.parameters["carriage.m"].value == pytest.approx(95.1, rel=0.01)
+    assert d.before.parameters["carriage.m"].value > 1000.0
+
+
+def shared(problem: Problem, width: float, f_c: float) -> Search:
+    """A search that has found a dead zone of the drive first, and friction then, and begins their fit at these [N]."""
+    base = smoothing(problem, settings=QUICKLY)
+    there = library(problem, problem.model, base.solution)
+    first, later = (next(c for c in there if c.physics == name) for name in ("input_dead_zone", "coulomb_friction"))
+    now, model = having(problem, problem.model, first, {first.named["width"]: width})
+    now, model = having(now, model, later, {later.named["f_c"]: f_c})
+    result = smoothing(now, settings=QUICKLY)
+    assert result.solver.converged
+    search = Search(
+        standing=Standing(problem=problem, model=problem.model, result=base),
+        fits=Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=inf),
+    )
+    both = found(first, 500.0), found(later, 90.0)
+    search.standing = Standing(problem=settled(now, result), model=model, result=result, findings=both, accepted=(first, later))
+    return search
+
+
+def found(c: Candidate, gain: float) -> Finding:
+    explanation = Explanation(place=c.place, family=c.family, physics=c.physics)
+    return Finding(explanation=explanation, p_value=nan, gain=gain, change="", share=None)
+
+
+def test_what_stood_for_a_part_of_what_was_found_later_goes():
+    search = shared(posed(slow(300.0, 3.0), W={}), 150.0, 150.0)
+    assert search.result.parameters["input_dead_zone_F.width"].value > 5.0
+    stood_in(search)
+    (rest,) = search.standing.findings
+    assert rest.explanation.physics == "coulomb_friction"
+    assert [a.physics for a in rest.alternatives] == ["input_dead_zone"]
+    assert "input_dead_zone_F" not in search.standing.model.components
+    assert search.result.parameters["coulomb_friction_carriage.f_c"].value == pytest.approx(300.0, rel=1e-3)
+
+
+def test_a_dead_zone_beside_friction_stays():
+    search = shared(posed(slow(100.0, 3.0, dead=60.0, faster=3.0)), 60.0, 100.0)
+    names = ["input_dead_zone_F.width", "coulomb_friction_carriage.f_c"]
+    assert abs(search.result.correlation.loc[names[0], names[1]]) > 0.95  # asked
+    stood_in(search)
+    assert [f.explanation.physics for f in search.standing.findings] == ["input_dead_zone", "coulomb_friction"]
+    assert [search.result.parameters[name].value for name in names] == pytest.approx([60.0, 100.0], rel=0.02)
