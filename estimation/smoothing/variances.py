@@ -20,6 +20,8 @@ from backsight.models.errors import SolveError
 from backsight.ocp import Solution, Status, Transcription
 from backsight.ocp.nlp import Values
 
+from ..validation.criteria import criteria
+from ..validation.innovations import innovations
 from .rest import with_room
 from .robust import row_squares
 
@@ -38,6 +40,7 @@ CREEPING = 0.02  # share of the cost: nor do they notice less than that, and wit
 NOTHING = 1.0  # sum of squares that a family costs when no one can tell it from none, and
 CHOSEN = 0.05  # the share of its rows that the fit chooses then, at most
 BEYOND_WORDS = 700.0  # log of a factor that no number holds
+LESS = 10.0  # nats of evidence: with so much less weights have moved on too far
 FARTHEST, FARTHEST_DOWN = 30.0, 8.0  # largest factors of one round, up and down
 
 
@@ -109,7 +112,7 @@ def choose_weights(
     """
     is_open, families = wanted.of_outputs(transcription), wanted.families(transcription, at_rest)
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
-    iterations, rounds, settled, cost, begun = 0, 0, not families, np.inf, start
+    iterations, rounds, settled, cost, begun, best = 0, 0, not families, np.inf, start, Best(start)
     usual = float(sum(term.target.size for term in transcription.nlp.terms))
     for rounds in range(1, ROUNDS + 1) if families else ():
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
@@ -129,17 +132,26 @@ def choose_weights(
             break
         if solution.curvature is None:
             break  # without covariances nobody knows how much of a residual the fit could choose
-        change = max(family.step(solution) for family in families)
-        for family in families:
-            if family.term == "samples":
-                output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
-            else:
-                force_factor[family.row] = np.exp(family.log)
-        say(f"weights from the data, round {rounds}: {100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go")
+        if best.is_less(solution):
+            start, change = best.decisions, max(family.halfway_to(log) for family, log in zip(families, best.logs, strict=True))
+            to_go = "too far, and halfway back"
+        else:
+            best = best.or_better(solution, families)
+            change = max(family.step(solution) for family in families)
+            to_go = f"{100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go"
+        _put(families, force_factor, output_factor, is_open)
+        say(f"weights from the data, round {rounds}: {to_go}")
         if change < CLOSE:
             settled = True
             break
     solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
+    if best.is_less(solution):
+        say("weights from the data: those with the most evidence on the way")
+        iterations += solution.solved.iterations
+        for family, log in zip(families, best.logs, strict=True):
+            family.log = log
+        _put(families, force_factor, output_factor, is_open)
+        solution = solve(best.decisions, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
     return Choice(
         solution=solution,
         force_std=transcription.force_std * force_factor,
@@ -148,6 +160,43 @@ def choose_weights(
         settled=settled,
         iterations=iterations + solution.solved.iterations,
     )
+
+
+def _put(families: Sequence[Family], force_factor: Array, output_factor: Array, is_open: Mask) -> None:
+    """The families' factors, where they belong."""
+    for family in families:
+        if family.term == "samples":
+            output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
+        else:
+            force_factor[family.row] = np.exp(family.log)
+
+
+@dataclass(frozen=True)
+class Best:
+    """Where the evidence of the weights was largest so far, of what came to rest: the decisions, and logs of the families' factors there.
+
+    The fixed point is where the likelihood of a model is stationary whose trajectories do not bend it. Near rest they do: weights may move
+    on from where they are best, by the fixed point's own step, to where residual forces do everything.
+    """
+
+    decisions: Array
+    logs: Sequence[float] = ()
+    evidence: float = -np.inf
+
+    def is_less(self, solution: Solution) -> bool:
+        """Whether a solution has less evidence than that, beyond what roundings and rough solves make of it."""
+        return bool(self.logs) and _evidence(solution) < self.evidence - LESS
+
+    def or_better(self, solution: Solution, families: Sequence[Family]) -> Best:
+        """The solution, where it has more."""
+        now = _evidence(solution)
+        return Best(solution.solved.decisions, [family.log for family in families], now) if now > self.evidence else self
+
+
+def _evidence(solution: Solution) -> float:
+    """Log evidence of the weights in force [nats]; NaN of what has not come to rest, or has none."""
+    found = criteria(solution, innovations(solution)) if solution.solved.status.converged else None
+    return float("nan") if found is None or found.log_evidence is None else found.log_evidence
 
 
 class Family:
@@ -178,6 +227,12 @@ class Family:
         self.log = max(min(self.log + move, self.highest), self.lowest)
         moved = abs(self.log - before)
         return moved if known or moved == 0 else max(moved, BOLDEST * abs(wanted))
+
+    def halfway_to(self, log: float) -> float:
+        """Move halfway to another one, and forget how it went; returns how far that is."""
+        moved = (log - self.log) / 2
+        self._last, self.log = None, self.log + moved
+        return abs(moved)
 
 
 def _samples_of(transcription: Transcription, horizons: Mask) -> Mask:

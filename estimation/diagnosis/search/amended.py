@@ -8,14 +8,13 @@ from ...problem import Free
 from ...results import Smoothing
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
-from .choice import CLEAR, idle
+from .choice import CLEAR, DOUBTS, idle
 from .elimination import Bare, alone
 from .inflated import free_again
 from .one_level import OneLevel
 from .refit import settled
 from .state import State
 
-DOUBTS = 2.0  # deviations of what a model gains
 BY = {"tau", "delay"}  # what a lag and a delay have
 
 

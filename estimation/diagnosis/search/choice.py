@@ -13,6 +13,7 @@ import numpy as np
 from ...results import Smoothing
 from ..answer.verdict import Explanation, Strength
 from ..candidates.candidate import Candidate
+from ..candidates.laws import FASTEST, SLOWEST
 from ..evidence.density_ratio import more_probable_alike, more_probable_at
 from ..evidence.offsets import PREFIX, counted_out
 from ..scores.screen import SURE, Screen, Screened
@@ -317,11 +318,13 @@ def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Exp
     """Coulomb friction where a richer law has come to be that.
 
     Of the mean level, where it is not sure that this hangs on the direction by as much as matters beside the forces there; of the level c,
-    where it does not grow with the velocity's logarithm.
+    where the same holds of its growth from the slowest to the fastest velocities.
     """
     growth, level = (e.parameters.get(word) for word in ("b", "c"))
-    if e.physics == "logarithmic_friction" and level is not None and growth is not None and growth.std is None and growth.value <= NOTHING:
-        return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})
+    if e.physics == "logarithmic_friction" and level is not None and growth is not None:
+        grows = growth.value - DOUBTS * growth.std if growth.std is not None else growth.value if growth.value > NOTHING else 0.0
+        if max(grows, 0.0) * np.log(FASTEST / SLOWEST) < FLOOR * force:
+            return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})
     for word, plus, minus in (("f_c", "f_plus", "f_minus"), ("tau_c", "tau_plus", "tau_minus")):
         both = [e.parameters[n] for n in (plus, minus) if n in e.parameters]
         if len(both) < 2:

@@ -212,7 +212,9 @@ def test_friction_that_is_least_at_rest_is_no_stribeck_friction(static, is_one):
     assert sound(c, Fitted(candidate=c, result=SimpleNamespace(parameters=told))) is is_one
 
 
-@pytest.mark.parametrize(("b", "std", "physics"), [(0.0, None, "coulomb_friction"), (0.3, 0.1, "logarithmic_friction")])
+@pytest.mark.parametrize(
+    ("b", "std", "physics"), [(0.0, None, "coulomb_friction"), (0.3, 0.1, "logarithmic_friction"), (0.01, 0.04, "coulomb_friction")]
+)
 def test_a_logarithm_that_nothing_is_left_of_is_coulomb_friction(b, std, physics):
     parameters = {"b": Strength(value=b, std=std, unit="N.m"), "c": Strength(value=0.23, std=0.02, unit="N.m")}
     e = Explanation(place="joint", family="friction", physics="logarithmic_friction", parameters=parameters)

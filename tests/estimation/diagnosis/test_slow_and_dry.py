@@ -12,7 +12,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from concealed_axis import posed
+from concealed_axis import LEFT, posed
 
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Run
@@ -22,6 +22,7 @@ from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.search.amended import stood_in
+from backsight.estimation.diagnosis.search.elimination import alone
 from backsight.estimation.diagnosis.search.fits import Fits
 from backsight.estimation.diagnosis.search.keep import Keep
 from backsight.estimation.diagnosis.search.refit import QUICKLY, settled
@@ -45,12 +46,14 @@ def slow(f_c: float, duration: float, dead: float = 0.0, faster: float = 1.0) ->
 
 
 @pytest.mark.slow
-def test_dry_friction_of_a_slow_machine_is_no_dead_zone_beside_less_of_it():
+@pytest.mark.parametrize(("duration", "guess"), [(6.0, 150.0), (3.0, 60.0)])
+def test_dry_friction_of_a_slow_machine_is_no_dead_zone_beside_less_of_it(duration, guess):
     """From the model without friction, whose residual forces do everything, no fit of it comes to rest where they do nothing."""
-    d = diagnose(posed(slow(300.0, 6.0), W={}, carriage__m=Free(150.0)), jobs=1)
+    d = diagnose(posed(slow(300.0, duration), W={}, carriage__m=Free(guess)), jobs=1)
     (found,) = d.findings
     assert found.explanation.words == "coulomb friction at carriage"
-    assert found.explanation.parameters["f_c"].value == pytest.approx(300.0, rel=1e-3)
+    (level,) = found.explanation.parameters.values()
+    assert level.value == pytest.approx(300.0, rel=1e-3)
     assert d.after.parameters["carriage.m"].value == pytest.approx(95.1, rel=0.01)
     assert d.before.parameters["carriage.m"].value > 1000.0
 
@@ -79,8 +82,9 @@ def found(c: Candidate, gain: float) -> Finding:
 
 
 def test_what_stood_for_a_part_of_what_was_found_later_goes():
-    search = shared(posed(slow(300.0, 3.0), W={}), 150.0, 150.0)
-    assert search.result.parameters["input_dead_zone_F.width"].value > 5.0
+    search = shared(posed(slow(300.0, 6.0), W={}), 150.0, 150.0)
+    width = search.result.parameters["input_dead_zone_F.width"]
+    assert width.value > 50.0 * width.std > 100.0  # what rounded signs make of rests
     stood_in(search)
     (rest,) = search.standing.findings
     assert rest.explanation.physics == "coulomb_friction"
@@ -90,9 +94,27 @@ def test_what_stood_for_a_part_of_what_was_found_later_goes():
 
 
 def test_a_dead_zone_beside_friction_stays():
+    """60 N of the drive do not arrive, and the carriage is slowed down against it."""
     search = shared(posed(slow(100.0, 3.0, dead=60.0, faster=3.0)), 60.0, 100.0)
-    names = ["input_dead_zone_F.width", "coulomb_friction_carriage.f_c"]
-    assert abs(search.result.correlation.loc[names[0], names[1]]) > 0.95  # asked
     stood_in(search)
     assert [f.explanation.physics for f in search.standing.findings] == ["input_dead_zone", "coulomb_friction"]
-    assert [search.result.parameters[name].value for name in names] == pytest.approx([60.0, 100.0], rel=0.02)
+    found = [search.result.parameters[name].value for name in ("input_dead_zone_F.width", "coulomb_friction_carriage.f_c")]
+    assert found == pytest.approx([60.0, 100.0], rel=2e-3)
+
+
+def test_where_only_their_sum_is_told_friction_is_all_of_it():
+    search = shared(posed(slow(100.0, 3.0, dead=60.0, faster=2.0)), 60.0, 100.0)
+    stood_in(search)
+    assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
+    assert search.result.parameters["coulomb_friction_carriage.f_c"].value == pytest.approx(160.0, rel=1e-3)
+
+
+def test_weights_from_the_data_do_not_leave_where_they_are_best():
+    """By the fixed point's own steps they end where residual forces do everything, with 800 nats less."""
+    search = shared(posed(slow(300.0, 3.0), W={}), 150.0, 150.0)
+    first, later = search.standing.accepted
+    rest = search.without(0, begin=alone(first, [later], search.problem, search.result))
+    assert rest is not None
+    assert rest.result.weights.W["carriage"] < 5 * LEFT
+    assert rest.result.parameters["carriage.m"].value == pytest.approx(95.1, rel=0.03)
+    assert rest.result.parameters["coulomb_friction_carriage.f_c"].value == pytest.approx(300.0, rel=1e-3)
