@@ -72,7 +72,7 @@ def weight_table(found: Weighing) -> Group:
 
 
 def diagnosis_table(found: Diagnosis) -> Group:
-    """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, and the proof."""
+    """The verdict, every finding with its parameters and the chance of as much evidence if nothing were missing, proof, parameters."""
     from ..diagnosis.answer.words import numbers, sentence, when
 
     said, table = f"{found.after.model}: {escape(sentence(found))}", Table(box=None, pad_edge=False)
@@ -89,7 +89,19 @@ def diagnosis_table(found: Diagnosis) -> Group:
             then = {s: f" to {held.after[name].windows[s]:.3g}" if held.repaired else "" for s in errors.windows}
             spans = ", ".join(f"{rms:.3g}{then[s]} over {s:.3g} s" for s, rms in errors.windows.items())
             table.add_row(escape(f"held out: error of {name} [{errors.unit}]"), spans)
-    return Group(said, table) if table.row_count else Group(said)
+    return Group(said, *(t for t in (table, _before_and_after(found)) if t.row_count))
+
+
+def _before_and_after(found: Diagnosis) -> Table:
+    """The model's estimated parameters as it was declared, and with what was found."""
+    table = Table(box=None, pad_edge=False)
+    for heading in ("parameter", "as declared", "with what was found")[: 3 if found.findings else 2]:
+        table.add_column(heading)
+    for name, then in found.before.parameters.items():
+        now = found.after.parameters.get(name, then)
+        if not (then.fixed and now.fixed):
+            table.add_row(*(escape(said) for said in (name, str(then), str(now))[: len(table.columns)]))
+    return table
 
 
 def simulation_table(answer: Simulation) -> Table:
