@@ -6,7 +6,8 @@ leverage (the share of each that the fit could choose freely, l = J C J'/s^2 wit
     s^2 = sum r^2 s^2 / sum (1 - l)
 
 is where the marginal likelihood is stationary (MacKay, Neural Computation 4, 1992). It is iterated from a loose start by secant steps in
-log s, a few solves warm-started from each other. A simple rule for a start: it supposes that what is left over is white.
+log s, a few solves warm-started from each other, and goes back where a step has led to less evidence than there was. A simple rule for a
+start: it supposes that what is left over is white.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from backsight.ocp.nlp import Values
 from ..validation.criteria import criteria
 from ..validation.innovations import innovations
 from .rest import with_room
-from .robust import row_squares
+from .robust import RobustSolution, row_squares
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
@@ -112,7 +113,7 @@ def choose_weights(
     """
     is_open, families = wanted.of_outputs(transcription), wanted.families(transcription, at_rest)
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
-    iterations, rounds, settled, cost, begun, best = 0, 0, not families, np.inf, start, Best(start)
+    iterations, rounds, settled, cost, begun, best = 0, 0, not families, np.inf, start, None
     usual = float(sum(term.target.size for term in transcription.nlp.terms))
     for rounds in range(1, ROUNDS + 1) if families else ():
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
@@ -132,11 +133,12 @@ def choose_weights(
             break
         if solution.curvature is None:
             break  # without covariances nobody knows how much of a residual the fit could choose
-        if best.is_less(solution):
+        seen = Seen.of(solution, families)
+        if best is not None and seen.too_far(best):
             start, change = best.decisions, max(family.halfway_to(log) for family, log in zip(families, best.logs, strict=True))
             to_go = "too far, and halfway back"
         else:
-            best = best.or_better(solution, families)
+            best = seen if seen.evidence > (-np.inf if best is None else best.evidence) else best
             change = max(family.step(solution) for family in families)
             to_go = f"{100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go"
         _put(families, force_factor, output_factor, is_open)
@@ -145,7 +147,7 @@ def choose_weights(
             settled = True
             break
     solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
-    if best.is_less(solution):
+    if best is not None and Seen.of(solution, families).too_far(best):
         say("weights from the data: those with the most evidence on the way")
         iterations += solution.solved.iterations
         for family, log in zip(families, best.logs, strict=True):
@@ -172,31 +174,35 @@ def _put(families: Sequence[Family], force_factor: Array, output_factor: Array, 
 
 
 @dataclass(frozen=True)
-class Best:
-    """Where the evidence of the weights was largest so far, of what came to rest: the decisions, and logs of the families' factors there.
+class Seen:
+    """A solution on the way: its decisions, logs of the families' factors there, and the log evidence of these weights [nats].
+
+    evidence: -inf of what has not come to rest, or has none. losses: which samples' losses are no squares: beside other ones it is another
+    number.
 
     The fixed point is where the likelihood of a model is stationary whose trajectories do not bend it. Near rest they do: weights may move
     on from where they are best, by the fixed point's own step, to where residual forces do everything.
     """
 
     decisions: Array
-    logs: Sequence[float] = ()
-    evidence: float = -np.inf
+    logs: Sequence[float]
+    evidence: float
+    losses: bytes
 
-    def is_less(self, solution: Solution) -> bool:
-        """Whether a solution has less evidence than that, beyond what roundings and rough solves make of it."""
-        return bool(self.logs) and _evidence(solution) < self.evidence - LESS
+    @classmethod
+    def of(cls, solution: Solution, families: Sequence[Family]) -> Seen:
+        """A solution, at the families' factors."""
+        found = criteria(solution, innovations(solution)) if solution.solved.status.converged else None
+        return cls(
+            decisions=solution.solved.decisions,
+            logs=[family.log for family in families],
+            evidence=-np.inf if found is None or found.log_evidence is None else found.log_evidence,
+            losses=solution.huber.tobytes() if isinstance(solution, RobustSolution) else b"",
+        )
 
-    def or_better(self, solution: Solution, families: Sequence[Family]) -> Best:
-        """The solution, where it has more."""
-        now = _evidence(solution)
-        return Best(solution.solved.decisions, [family.log for family in families], now) if now > self.evidence else self
-
-
-def _evidence(solution: Solution) -> float:
-    """Log evidence of the weights in force [nats]; NaN of what has not come to rest, or has none."""
-    found = criteria(solution, innovations(solution)) if solution.solved.status.converged else None
-    return float("nan") if found is None or found.log_evidence is None else found.log_evidence
+    def too_far(self, best: Seen) -> bool:
+        """Whether it has come to rest where there is less evidence, beyond what rough solves make of it."""
+        return self.losses == best.losses and -np.inf < self.evidence < best.evidence - LESS
 
 
 class Family:
