@@ -44,27 +44,6 @@ def direct(dae: Dae, soft: Sequence[int]) -> tuple[Any, Any]:
     return E, D
 
 
-def closed(dae: Dae, expression: Any) -> Any:
-    """An expression with the algebraic variables of position as the loops have them there: one step of Newton's method from where z is.
-
-    G(x, z, p) = 0 are the rows that fix variables z by positions alone, as a closed chain of links does. On the mesh they hold at the
-    points of collocation; between them z is a polynomial, and what a sensor reads there is of z - (dG/dz)^-1 G, to second order.
-    The expression itself where it has no such variables, or where these rows are not as many as they.
-    """
-    moving = ca.vertcat(dae.dx, dae.u, dae.w)
-    pattern = ca.jacobian_sparsity(dae.residual, moving)
-    rows = sorted({*range(dae.residual.shape[0])} - set(pattern.row()))
-    if not rows or not dae.z.shape[0]:
-        return expression
-    G = dae.residual[rows]
-    columns = sorted(set(ca.jacobian_sparsity(G, dae.z).get_col()))
-    z = ca.vertcat(*(dae.z[k] for k in columns))
-    slope = ca.jacobian(G, z)
-    if not columns or slope.shape[0] != len(columns) or ca.sprank(slope) < len(columns) or not ca.depends_on(expression, z):
-        return expression
-    return ca.substitute(expression, z, z - ca.solve(slope, G))
-
-
 @dataclass(frozen=True)
 class Pieces:
     """A DAE, the interpolation of its variables, and the horizons with the number of their first intervals."""
@@ -136,7 +115,7 @@ class Pieces:
         """
         dae, nothing = self.dae, ca.SX(0, 1)
         du, (E, D) = ca.SX.sym("du", dae.u.shape[0]), self.direct
-        places, output = sorted(set(D.sparsity().get_col())), closed(dae, dae.output) + E @ du
+        places, output = sorted(set(D.sparsity().get_col())), dae.output + E @ du
         if not places:
             return AtOnce(output=output, rest=du if E.nnz() else nothing, coefficients=nothing, moments=nothing, force=nothing)
         force = self.forces()[places]

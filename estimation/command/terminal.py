@@ -9,6 +9,7 @@ from rich.console import Console, Group
 from rich.markup import escape
 from rich.table import Table
 
+from ..report.quantities import NOTHING
 from ..results import TELLING
 from ..wording import chance, percentage
 
@@ -98,9 +99,9 @@ def _before_and_after(found: Diagnosis) -> Table:
     for heading in ("parameter", "as declared", "with what was found")[: 3 if found.findings else 2]:
         table.add_column(heading)
     for name, then in found.before.parameters.items():
-        now = found.after.parameters.get(name, then)
-        if not (then.fixed and now.fixed):
-            table.add_row(*(escape(said) for said in (name, str(then), str(now))[: len(table.columns)]))
+        now = found.after.parameters.get(name)
+        if not (then.fixed and (now is None or now.fixed)):
+            table.add_row(*(escape(said) for said in (name, str(then), NOTHING if now is None else str(now))[: len(table.columns)]))
     return table
 
 

@@ -13,6 +13,7 @@ start: it supposes that what is left over is white.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,12 +109,12 @@ def choose_weights(
 
     solve(decisions, values, to the full tolerance) -> Solution. at_rest (n_soft, N): what the values have near rest (`rest.py`), which
     tells nothing about the weights elsewhere. hasty: weights move on from where a solve stopped at its limit of iterations, far from its
-    end or not. Where weights run away, so that squares cost ever more, those of the start are taken again, and have not settled. Raises
-    SolveError where the first solve, at the weights given, leaves a cost above `hopeless`.
+    end or not. Where weights run away, so that squares cost ever more, those of the start are taken again, and have not settled; nor have
+    those that were gone back to. Raises SolveError where the first solve, at the weights given, leaves a cost above `hopeless`.
     """
     is_open, families = wanted.of_outputs(transcription), wanted.families(transcription, at_rest)
     force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
-    iterations, rounds, settled, cost, begun, best = 0, 0, not families, np.inf, start, None
+    iterations, rounds, settled, cost, change, begun, best = 0, 0, not families, np.inf, np.inf, start, None
     usual = float(sum(term.target.size for term in transcription.nlp.terms))
     for rounds in range(1, ROUNDS + 1) if families else ():
         solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
@@ -121,7 +122,7 @@ def choose_weights(
         before, cost = cost, solution.solved.cost
         usual = max(usual, cost) if rounds == 1 else usual
         if cost > RAN_AWAY * usual:
-            start, force_factor, output_factor = begun, np.ones_like(force_factor), np.ones_like(output_factor)
+            start, force_factor, output_factor, best = begun, np.ones_like(force_factor), np.ones_like(output_factor), None
             break
         if rounds == 1 and cost > hopeless:
             raise SolveError(
@@ -133,34 +134,38 @@ def choose_weights(
             break
         if solution.curvature is None:
             break  # without covariances nobody knows how much of a residual the fit could choose
-        seen = Seen.of(solution, families)
-        if best is not None and seen.too_far(best):
+        seen = Seen.of(solution, families) if best is not None or change < np.log(FARTHEST) else None
+        back = seen is not None and best is not None and seen.too_far(best)
+        if back and best is not None:
             start, change = best.decisions, max(family.halfway_to(log) for family, log in zip(families, best.logs, strict=True))
-            to_go = "too far, and halfway back"
         else:
-            best = seen if seen.evidence > (-np.inf if best is None else best.evidence) else best
+            best = seen if seen is not None and seen.evidence > (-np.inf if best is None else best.evidence) else best
             change = max(family.step(solution) for family in families)
-            to_go = f"{100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go"
         _put(families, force_factor, output_factor, is_open)
+        to_go = "too far, and halfway back" if back else f"{100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go"
         say(f"weights from the data, round {rounds}: {to_go}")
         if change < CLOSE:
-            settled = True
+            settled = not back
             break
     solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
+    iterations += solution.solved.iterations
     if best is not None and Seen.of(solution, families).too_far(best):
         say("weights from the data: those with the most evidence on the way")
-        iterations += solution.solved.iterations
-        for family, log in zip(families, best.logs, strict=True):
-            family.log = log
-        _put(families, force_factor, output_factor, is_open)
-        solution = solve(best.decisions, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
+        last = [family.log for family in families]
+        _set(families, best.logs, force_factor, output_factor, is_open)
+        again = solve(best.decisions, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
+        iterations += again.solved.iterations
+        if again.solved.status.converged:
+            solution, settled = again, False
+        else:
+            _set(families, last, force_factor, output_factor, is_open)
     return Choice(
         solution=solution,
         force_std=transcription.force_std * force_factor,
         output_factor=output_factor,
         rounds=rounds,
         settled=settled,
-        iterations=iterations + solution.solved.iterations,
+        iterations=iterations,
     )
 
 
@@ -173,12 +178,18 @@ def _put(families: Sequence[Family], force_factor: Array, output_factor: Array, 
             force_factor[family.row] = np.exp(family.log)
 
 
+def _set(families: Sequence[Family], logs: Sequence[float], force_factor: Array, output_factor: Array, is_open: Mask) -> None:
+    """Other factors for the families, where they belong."""
+    for family, log in zip(families, logs, strict=True):
+        family.log = log
+    _put(families, force_factor, output_factor, is_open)
+
+
 @dataclass(frozen=True)
 class Seen:
     """A solution on the way: its decisions, logs of the families' factors there, and the log evidence of these weights [nats].
 
-    evidence: -inf of what has not come to rest, or has none. losses: which samples' losses are no squares: beside other ones it is another
-    number.
+    evidence: -inf of what has not come to rest, or has none; of losses that are no squares, too: there the fixed point is another one.
 
     The fixed point is where the likelihood of a model is stationary whose trajectories do not bend it. Near rest they do: weights may move
     on from where they are best, by the fixed point's own step, to where residual forces do everything.
@@ -187,22 +198,20 @@ class Seen:
     decisions: Array
     logs: Sequence[float]
     evidence: float
-    losses: bytes
 
     @classmethod
     def of(cls, solution: Solution, families: Sequence[Family]) -> Seen:
         """A solution, at the families' factors."""
-        found = criteria(solution, innovations(solution)) if solution.solved.status.converged else None
-        return cls(
-            decisions=solution.solved.decisions,
-            logs=[family.log for family in families],
-            evidence=-np.inf if found is None or found.log_evidence is None else found.log_evidence,
-            losses=solution.huber.tobytes() if isinstance(solution, RobustSolution) else b"",
-        )
+        found = None
+        if solution.solved.status.converged and not isinstance(solution, RobustSolution):
+            with suppress(np.linalg.LinAlgError):
+                found = criteria(solution, innovations(solution))
+        evidence = -np.inf if found is None or found.log_evidence is None else found.log_evidence
+        return cls(solution.solved.decisions, [family.log for family in families], evidence)
 
     def too_far(self, best: Seen) -> bool:
         """Whether it has come to rest where there is less evidence, beyond what rough solves make of it."""
-        return self.losses == best.losses and -np.inf < self.evidence < best.evidence - LESS
+        return -np.inf < self.evidence < best.evidence - LESS
 
 
 class Family:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 from ...problem import Free
 from ...results import Smoothing
@@ -15,6 +16,7 @@ from .one_level import OneLevel
 from .refit import settled
 from .state import State
 
+LITTLE = 0.1  # of what an effect gained: a model that lacks more without it is another one
 BY = {"tau", "delay"}  # what a lag and a delay have
 
 
@@ -54,20 +56,27 @@ def stood_in(state: State) -> None:
     Friction of a machine that its controller moves slowly is an input's dead zone, too: while it slides only their sum is told. Their own
     fit sees how a law with a rounded sign creeps and takes it for a difference; of two models that hold a body by the same law it is none
     (`worth.py`). So the model without it is fitted, from where the fit says that the others would be with it at nothing. It stays where the
-    model is better with it beyond doubt.
+    model is better with it beyond doubt, or by a tenth of what it gained; two of which one went once are not asked again.
     """
     for k in reversed(range(len(state.standing.accepted) - 1)):
-        c = state.standing.accepted[k]
-        begin = alone(c, state.standing.others(k), state.problem, state.result)
-        if begin is None or state.fits.left == 0:
+        c, later = state.standing.accepted[k], state.standing.accepted[k + 1 :]
+        twin = alone(c, later, state.problem, state.result)
+        if twin is None or state.fits.left == 0:
             continue
-        state.fits.say(f"what was found later without {c.title}")
+        heir, begin = twin
+        pair = frozenset({c.key, later[heir].key})
+        if pair in state.parted:
+            continue
+        state.fits.say(f"{later[heir].title} without {c.title}")
         found = state.without(k, begin=begin)
         if found is None:
             continue
-        worth = state.worth(found.problem, found.result)
-        if (more := worth.over(state.now)) > -max(CLEAR, DOUBTS * worth.doubt(state.now)):
-            state.standing = found.instead_of(state.standing.findings[k], more)
+        gone, worth = state.standing.named[k], state.worth(found.problem, found.result)
+        doubt = worth.doubt(state.now)
+        most = max(CLEAR, min(DOUBTS * doubt, LITTLE * gone.gain)) if isfinite(doubt) else CLEAR
+        if (more := worth.over(state.now)) > -most:
+            state.standing = found.instead_of(gone, more, found.named[k + heir])
+            state.parted.add(pair)
 
 
 def late_by_both(state: State) -> None:

@@ -318,12 +318,13 @@ def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Exp
     """Coulomb friction where a richer law has come to be that.
 
     Of the mean level, where it is not sure that this hangs on the direction by as much as matters beside the forces there; of the level c,
-    where the same holds of its growth from the slowest to the fastest velocities.
+    where it is sure that its growth from the slowest to the fastest velocities does not matter.
     """
     growth, level = (e.parameters.get(word) for word in ("b", "c"))
     if e.physics == "logarithmic_friction" and level is not None and growth is not None:
-        grows = growth.value - DOUBTS * growth.std if growth.std is not None else growth.value if growth.value > NOTHING else 0.0
-        if max(grows, 0.0) * np.log(FASTEST / SLOWEST) < FLOOR * force:
+        none = growth.value <= NOTHING if growth.std is None else False
+        most = growth.value + DOUBTS * growth.std if growth.std is not None else inf
+        if none or most * np.log(FASTEST / SLOWEST) < FLOOR * force:
             return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})
     for word, plus, minus in (("f_c", "f_plus", "f_minus"), ("tau_c", "tau_plus", "tau_minus")):
         both = [e.parameters[n] for n in (plus, minus) if n in e.parameters]

@@ -57,21 +57,28 @@ class Bare:
         return problem, model
 
 
-def alone(c: Candidate, others: Sequence[Candidate], problem: Problem, result: Smoothing) -> dict[str, Free] | None:
-    """Where strengths of others begin in a model without a candidate; None where none of them goes with it so closely that it may be one.
+def alone(c: Candidate, others: Sequence[Candidate], problem: Problem, result: Smoothing) -> tuple[int, dict[str, Free]] | None:
+    """Which of others a candidate goes with so closely that it may be all there is, and where their strengths begin without that one.
 
-    There they are most probable with its strengths at nothing, of a normal distribution.
+    There they are most probable with its strengths at nothing, of a normal distribution. None where there is no such other one.
     """
     told = {name: free for name in result.correlation.index if isinstance(free := problem.parameters.get(name), Free)}
     nothing = shapes_without_effect(c) if c.all_shape else without_effect(c)
     ends = {name: end for name, end in nothing.items() if name in told and np.isfinite(end)}
-    beside = [name for other in others for name in other.strengths or other.named.values() if name in told]
-    if not ends or not beside or not np.abs(result.correlation.loc[list(ends), beside].to_numpy(float)).max() > TWINS:
+    of = {name: k for k, other in enumerate(others) for name in other.strengths or other.named.values() if name in told}
+    if not ends or not of:
         return None
-    C, n, values = result.covariance([*ends, *beside]), len(ends), result.parameters
-    step = C[n:, :n] @ np.linalg.pinv(C[:n, :n]) @ np.array([end - values[name].value for name, end in ends.items()])
-    begin = [float(np.clip(values[name].value + d, told[name].min, told[name].max)) for name, d in zip(beside, step, strict=True)]
-    return {name: replace(told[name], guess=guess) for name, guess in zip(beside, begin, strict=True)}
+    R = result.correlation.loc[[*ends, *of], [*ends, *of]].to_numpy(float)
+    n, together = len(ends), np.nan_to_num(np.abs(R[: len(ends), len(ends) :]).max(axis=0))
+    if not together.max() > TWINS:
+        return None
+    away = np.array([(end - result.parameters[name].value) / (result.parameters[name].std or np.inf) for name, end in ends.items()])
+    step = R[n:, :n] @ np.linalg.pinv(R[:n, :n]) @ away
+    begin = {}
+    for name, deviations in zip(of, step.tolist(), strict=True):
+        p, free = result.parameters[name], told[name]
+        begin[name] = replace(free, guess=float(np.clip(p.value + deviations * (p.std or 0.0), free.min, free.max)))
+    return list(of.values())[int(together.argmax())], begin
 
 
 def _own(c: Candidate, values: Mapping[str, float]) -> dict[str, float]:

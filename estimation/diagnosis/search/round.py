@@ -119,7 +119,7 @@ class Round:
             near = [(self._left_near(c.place, most), c) for c in self.candidates if c.dear]
             likeliest = sorted((one for one in near if one[0] >= least), key=lambda one: -one[0])  # while there is time
             self._fit([(c, None) for _, c in likeliest], now)
-        self.fitted.sort(key=lambda f: (-f[2].gain, f[0].rank))
+        self.fitted = _best_of_each(self.fitted)
         good = self._borne_out(self.fitted)
         if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
             without = counted_out(self.base.result, all_of_them=True)[0] - counted_out(self.base.result)[0]
@@ -135,7 +135,9 @@ class Round:
         """The fit that is kept of what the scores make likely alone, of those of which a result is `near_enough`."""
         self._fit_the_likely(now)
         fits = [f for f in self.fitted if f[2].problem is not None and f[2].whole is not None and near_enough(f[2].problem, f[2].whole)]
-        good = self._borne_out(sorted(fits, key=lambda f: (-f[2].gain, f[0].rank)))
+        fits, all_of_them = _best_of_each(fits), _best_of_each(self.fitted)
+        self.fitted = [*fits, *(f for f in all_of_them if all(f[0] is not c for c, _, _ in fits))]
+        good = self._borne_out(fits)
         return self._kept(good) if good else None
 
     def _kept(self, good: list[Judged]) -> Best:
@@ -217,20 +219,18 @@ class Round:
 
     def _fit(self, wanted: Sequence[tuple[Candidate, Screened | None]], now: Worth) -> None:
         """Fits of candidates, held against those that there are."""
-        self.fitted = _gained([*self.fitted, *self._from_the_guesses(self._judged(wanted))], now)
+        fits = self._judged(wanted)
+        self.fitted = _gained([*self.fitted, *fits, *self._from_the_guesses(fits)], now)
 
     def _from_the_guesses(self, fits: list[Judged]) -> list[Judged]:
-        """Fits of what was scored, or those from the guesses where these are better, if the model as it is leaves most of the forces over.
+        """The fits of what was scored from the guesses, too, if the model as it is leaves most of the forces over.
 
         Weights from the data have several ends: from one at which residual forces do everything no small steps lead to one that leaves
         next to nothing to them.
         """
         if not (self.sizes.most > LOST and self.base.settings.weigh):
-            return fits
-        scored = [(k, (c, s)) for k, (c, s, _) in enumerate(fits) if s is not None]
-        found = self.fits.candidates(self._as_guessed, [one for _, one in scored], anew=True)
-        better = {k: fit for (k, _), fit in zip(scored, found, strict=True) if fit[2].worth.over(fits[k][2].worth) > 0}
-        return [better.get(k, fit) for k, fit in enumerate(fits)]
+            return []
+        return self.fits.candidates(self._as_guessed, [(c, s) for c, s, _ in fits if s is not None], anew=True)
 
     def _judged(self, wanted: Sequence[tuple[Candidate, Screened | None]]) -> list[Judged]:
         """Fits of candidates from where the base came to rest; of what may hold a body that no output shows, from the guesses.
@@ -272,9 +272,8 @@ class Round:
 
     @property
     def _as_guessed(self) -> Base:
-        """The base with the guesses of its parameters that were given."""
-        own = self.base.problem.parameters
-        given = self.bare.problem.parameters
+        """The base with the guesses of its parameters that were given; of those that nobody gave, where they are."""
+        own, given = settled(self.base.problem, self.base.result).parameters, self.bare.problem.parameters
         both = {n: (free, given[n]) for n, free in own.items() if n in given}
         begin = {n: replace(a, guess=b.guess) for n, (a, b) in both.items() if isinstance(a, Free) and isinstance(b, Free)}
         return replace(self.base, problem=replace(self.base.problem, parameters={**own, **begin}))
@@ -364,6 +363,14 @@ class Round:
             return left[place]
         joined = {merged.get(name, name) for name in joined_to(self.base.model, place)}
         return max((left[name] for name in joined if name in left), default=most)
+
+
+def _best_of_each(fits: Sequence[Judged]) -> list[Judged]:
+    """The fits, best first; of one candidate the better one."""
+    found = dict[int, Judged]()
+    for fit in sorted(fits, key=lambda f: (-f[2].gain, f[0].rank)):
+        found.setdefault(id(fit[0]), fit)
+    return list(found.values())
 
 
 def _plainness(fit: Judged) -> tuple[int, ...]:

@@ -57,17 +57,18 @@ class Standing:
         *others, last = self.findings
         return replace(self, findings=(*others, replace(last, gain=last.gain + nats)))
 
-    def instead_of(self, gone: Finding, more: float) -> Standing:
-        """Without a finding that is nothing beside the last one, which gains what both did; the other one lacks what that added.
+    def instead_of(self, gone: Finding, more: float, heir: Finding | None = None) -> Standing:
+        """Without a finding that is nothing beside another one, the last unless told, which gains what both did; the other one lacks
+        what that added.
 
         more: nats by which the model is more probable without it.
         """
-        last = self.findings[-1]
-        known = {e.key for e in (last.explanation, *last.rivals)}
-        lacking = () if gone.explanation.key in known else (replace(gone.explanation, gap=last.gain + more),)
-        others = sorted((*(a for a in last.alternatives if a.key != gone.explanation.key), *lacking), key=lambda a: a.gap)
-        told = replace(self, findings=(*self.findings[:-1], replace(last, alternatives=tuple(others))))
-        return told.gaining(gone.gain + more)
+        heir = heir or self.findings[-1]
+        known = {e.key for e in (heir.explanation, *heir.rivals)}
+        lacking = () if gone.explanation.key in known else (replace(gone.explanation, gap=heir.gain + more),)
+        others = sorted((*(a for a in heir.alternatives if a.key != gone.explanation.key), *lacking), key=lambda a: a.gap)
+        richer = replace(heir, alternatives=tuple(others), gain=heir.gain + gone.gain + more)
+        return replace(self, findings=tuple(richer if f is heir else f for f in self.findings))
 
     def keeping(self, scored: Round, best: Best) -> Standing:
         """With the best of a round, and without what that replaces; raises ValueError where it has no fit."""

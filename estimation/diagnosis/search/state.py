@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from ...problem import Free, Problem, Weights
 from ...results import Smoothing
 from ...smoothing.program import Settings
+from ..answer.verdict import Key
 from ..evidence.latent import without_force
 from ..evidence.worth import Worth
 from ..scores.shares import Sizes, left_over
@@ -26,7 +27,7 @@ class State:
     held, as a study has them, where straight ones were better for it. bare: the problem and its model before anything was found. first: the
     model without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem;
     first_left: place -> what it leaves over. sizes: of the last round's forces. freely: where inertias are near their guesses
-    (`inflated.py`), what the model as it is is worth with these free.
+    (`inflated.py`), what the model as it is is worth with these free. parted: keys of two that were found together, of which one went.
     """
 
     standing: Standing
@@ -39,6 +40,7 @@ class State:
     first_weights: Weights = field(init=False, repr=False)
     sizes: Sizes = field(init=False, repr=False)
     freely: Worth | None = field(default=None, init=False, repr=False)
+    parted: set[frozenset[Key]] = field(default_factory=set, init=False, repr=False)
     _checked: Smoothing | None = field(default=None, init=False, repr=False)
     _told: tuple[Smoothing, bool, Worth] | None = field(default=None, init=False, repr=False)
 
@@ -111,7 +113,8 @@ class State:
         if begin:
             own = {name: free for name, free in begin.items() if name in problem.parameters}
             problem, what = replace(problem, parameters={**problem.parameters, **own}), f"{what}, {begin}"
-            held = self.fits.again(replace(base, settings=replace(HELD, supposed=base.settings.supposed)), problem, f"{what}, held")
+            at_held = replace(HELD, supposed=base.settings.supposed, step=base.settings.step)
+            held = self.fits.again(replace(base, settings=at_held), problem, f"{what}, held") if base.settings.weigh else None
             if held is not None:
                 problem, base = settled(problem, held), replace(base, result=held)
         found = self.fits.again(base, problem, what, least=least)

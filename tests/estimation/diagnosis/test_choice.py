@@ -213,12 +213,19 @@ def test_friction_that_is_least_at_rest_is_no_stribeck_friction(static, is_one):
 
 
 @pytest.mark.parametrize(
-    ("b", "std", "physics"), [(0.0, None, "coulomb_friction"), (0.3, 0.1, "logarithmic_friction"), (0.01, 0.04, "coulomb_friction")]
+    ("b", "std", "force", "physics"),
+    [
+        (0.0, None, 1.0, "coulomb_friction"),
+        (0.0, None, 0.0, "coulomb_friction"),
+        (0.3, 0.1, 1.0, "logarithmic_friction"),
+        (0.01, 0.04, 1.0, "logarithmic_friction"),  # 0.09 N m and more is not known to be nothing
+        (0.01, 0.04, 100.0, "coulomb_friction"),
+    ],
 )
-def test_a_logarithm_that_nothing_is_left_of_is_coulomb_friction(b, std, physics):
+def test_a_logarithm_that_nothing_is_left_of_is_coulomb_friction(b, std, force, physics):
     parameters = {"b": Strength(value=b, std=std, unit="N.m"), "c": Strength(value=0.23, std=0.02, unit="N.m")}
     e = Explanation(place="joint", family="friction", physics="logarithmic_friction", parameters=parameters)
-    found = evened(e, Candidate(place="joint", family="friction", physics="logarithmic_friction"), SimpleNamespace(), force=1.0)
+    found = evened(e, Candidate(place="joint", family="friction", physics="logarithmic_friction"), SimpleNamespace(), force=force)
     assert found.physics == physics
     assert found.parameters.get("tau_c", found.parameters.get("c")).value == 0.23
 

@@ -31,6 +31,7 @@ from backsight.estimation.diagnosis.search.search import Search
 from backsight.estimation.diagnosis.search.standing import Standing
 from backsight.estimation.smoothing.smoother import smoothing
 
+POOL = ProcessPoolExecutor(1)  # no fit of a candidate is asked of it
 FREQUENCIES, AMPLITUDES = np.array([0.15, 0.27, 0.4]), np.array([0.06, 0.03, 0.015])  # Hz, m
 
 
@@ -58,22 +59,28 @@ def test_dry_friction_of_a_slow_machine_is_no_dead_zone_beside_less_of_it(durati
     assert d.before.parameters["carriage.m"].value > 1000.0
 
 
-def shared(problem: Problem, width: float, f_c: float) -> Search:
-    """A search that has found a dead zone of the drive first, and friction then, and begins their fit at these [N]."""
+def shared(problem: Problem, *order: tuple[str, float, float]) -> Search:
+    """A search that has found these in this order: physics, where its strength begins in a fit of all, and what it gained [nats]."""
     base = smoothing(problem, settings=QUICKLY)
     there = library(problem, problem.model, base.solution)
-    first, later = (next(c for c in there if c.physics == name) for name in ("input_dead_zone", "coulomb_friction"))
-    now, model = having(problem, problem.model, first, {first.named["width"]: width})
-    now, model = having(now, model, later, {later.named["f_c"]: f_c})
+    accepted = [next(c for c in there if c.physics == name) for name, _, _ in order]
+    now, model = problem, problem.model
+    for c, (_, begin, _) in zip(accepted, order, strict=True):
+        (path,) = (c.named[word] for word in ("width", "f_c", "k") if word in c.named)
+        now, model = having(now, model, c, {path: begin})
     result = smoothing(now, settings=QUICKLY)
     assert result.solver.converged
     search = Search(
         standing=Standing(problem=problem, model=problem.model, result=base),
-        fits=Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, problem), say=lambda _: None, end=inf),
+        fits=Fits(pool=POOL, ahead=1, kept=Keep(None, problem), say=lambda _: None, end=inf),
     )
-    both = found(first, 500.0), found(later, 90.0)
-    search.standing = Standing(problem=settled(now, result), model=model, result=result, findings=both, accepted=(first, later))
+    findings = tuple(found(c, gain) for c, (_, _, gain) in zip(accepted, order, strict=True))
+    search.standing = Standing(problem=settled(now, result), model=model, result=result, findings=findings, accepted=tuple(accepted))
     return search
+
+
+def dead_zone_and_friction(problem: Problem, width: float, f_c: float) -> Search:
+    return shared(problem, ("input_dead_zone", width, 500.0), ("coulomb_friction", f_c, 90.0))
 
 
 def found(c: Candidate, gain: float) -> Finding:
@@ -82,7 +89,7 @@ def found(c: Candidate, gain: float) -> Finding:
 
 
 def test_what_stood_for_a_part_of_what_was_found_later_goes():
-    search = shared(posed(slow(300.0, 6.0), W={}), 150.0, 150.0)
+    search = dead_zone_and_friction(posed(slow(300.0, 6.0), W={}), 150.0, 150.0)
     width = search.result.parameters["input_dead_zone_F.width"]
     assert width.value > 50.0 * width.std > 100.0  # what rounded signs make of rests
     stood_in(search)
@@ -95,7 +102,7 @@ def test_what_stood_for_a_part_of_what_was_found_later_goes():
 
 def test_a_dead_zone_beside_friction_stays():
     """60 N of the drive do not arrive, and the carriage is slowed down against it."""
-    search = shared(posed(slow(100.0, 3.0, dead=60.0, faster=3.0)), 60.0, 100.0)
+    search = dead_zone_and_friction(posed(slow(100.0, 3.0, dead=60.0, faster=3.0)), 60.0, 100.0)
     stood_in(search)
     assert [f.explanation.physics for f in search.standing.findings] == ["input_dead_zone", "coulomb_friction"]
     found = [search.result.parameters[name].value for name in ("input_dead_zone_F.width", "coulomb_friction_carriage.f_c")]
@@ -103,17 +110,50 @@ def test_a_dead_zone_beside_friction_stays():
 
 
 def test_where_only_their_sum_is_told_friction_is_all_of_it():
-    search = shared(posed(slow(100.0, 3.0, dead=60.0, faster=2.0)), 60.0, 100.0)
+    search = dead_zone_and_friction(posed(slow(100.0, 3.0, dead=60.0, faster=2.0)), 60.0, 100.0)
     stood_in(search)
     assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
     assert search.result.parameters["coulomb_friction_carriage.f_c"].value == pytest.approx(160.0, rel=1e-3)
 
 
+def test_one_of_which_few_samples_tell_is_no_less_there():
+    """Rows so far apart that nobody can say how sure the difference is; they go together all the same."""
+    made = slow(100.0, 3.0, dead=60.0, faster=3.0)
+    few = replace(made, time=made.time[::31], inputs={"F": made.inputs["F"][::31]}, outputs={"x": made.outputs["x"][::31]})
+    search = dead_zone_and_friction(posed(few), 60.0, 100.0)
+    first, later = search.standing.accepted
+    assert alone(first, [later], search.problem, search.result) is not None
+    stood_in(search)
+    assert len(search.standing.findings) == 2
+
+
+def test_what_goes_belongs_to_the_one_that_it_stood_for():
+    problem = posed(slow(100.0, 3.0, dead=60.0, faster=2.0))
+    search = shared(problem, ("input_dead_zone", 60.0, 500.0), ("coulomb_friction", 100.0, 9000.0), ("spring", 1.0, 20.0))
+    stood_in(search)
+    friction, spring = search.standing.findings
+    assert (friction.explanation.physics, spring.explanation.physics) == ("coulomb_friction", "spring")
+    assert friction.gain > 9400.0
+    assert [a.physics for a in friction.alternatives] == ["input_dead_zone"]
+    assert (spring.gain, spring.alternatives) == (20.0, ())
+
+
+def test_two_of_which_one_went_are_not_asked_again():
+    search = dead_zone_and_friction(posed(slow(100.0, 3.0, dead=60.0, faster=2.0)), 60.0, 100.0)
+    again = search.standing
+    stood_in(search)
+    assert len(search.standing.findings) == 1
+    search.standing = again
+    stood_in(search)
+    assert len(search.standing.findings) == 2
+
+
 def test_weights_from_the_data_do_not_leave_where_they_are_best():
     """By the fixed point's own steps they end where residual forces do everything, with 800 nats less."""
-    search = shared(posed(slow(300.0, 3.0), W={}), 150.0, 150.0)
+    search = dead_zone_and_friction(posed(slow(300.0, 3.0), W={}), 150.0, 150.0)
     first, later = search.standing.accepted
-    rest = search.without(0, begin=alone(first, [later], search.problem, search.result))
+    _, begin = alone(first, [later], search.problem, search.result)
+    rest = search.without(0, begin=begin)
     assert rest is not None
     assert rest.result.weights.W["carriage"] < 5 * LEFT
     assert rest.result.parameters["carriage.m"].value == pytest.approx(95.1, rel=0.03)
