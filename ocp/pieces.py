@@ -10,6 +10,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching, shortest_path
 
 from backsight.models import Dae
 
@@ -39,9 +41,29 @@ def direct(dae: Dae, soft: Sequence[int]) -> tuple[Any, Any]:
         return ca.SX(dae.output.shape[0], nu), ca.SX(dae.output.shape[0], len(soft))
     right = ca.horzcat(ca.jacobian(dae.residual, dae.u), ca.jacobian(dae.residual, dae.w)[:, list(soft)])
     both: Any = -ca.jacobian(dae.output, unknown) @ ca.solve(ca.jacobian(dae.residual, unknown), right)
+    both *= ca.DM((_read_of_rows(dae, unknown) @ _pattern(right) > 0).astype(float))
     both[:, nu:] += ca.jacobian(dae.output, dae.w)[:, list(soft)]
     E, D = ca.horzsplit(ca.sparsify(ca.simplify(dae.undisturbed(both))), [0, nu, both.shape[1]])
     return E, D
+
+
+def _pattern(expression: Any) -> NDArray[np.int64]:
+    """One where an expression of symbols may be other than zero."""
+    return np.asarray(ca.DM(expression.sparsity(), 1).full(), dtype=np.int64)
+
+
+def _read_of_rows(dae: Dae, unknown: Any) -> NDArray[np.int64]:
+    """Which rows of the residual every output hangs on by way of x' and z, (ny, rows): what closes a chain is no force's to move.
+
+    By the structure alone: a row is the equation of the unknown that it is matched with, and that of every other one which reads it.
+    """
+    J = _pattern(ca.jacobian(dae.residual, unknown))
+    row_of = maximum_bipartite_matching(csr_array(J), perm_type="row")  # of every unknown
+    reads = csr_array(J[row_of])
+    near = np.isfinite(shortest_path(reads, unweighted=True)).astype(np.int64)  # (unknown, what it hangs on)
+    found = np.zeros((dae.output.shape[0], J.shape[0]), dtype=np.int64)
+    found[:, row_of] = _pattern(ca.jacobian(dae.output, unknown)) @ near
+    return found
 
 
 @dataclass(frozen=True)
