@@ -23,7 +23,7 @@ from ..candidates.candidate import Candidate
 from ..evidence.offsets import without_idle
 from ..scores.screen import Screened
 from .findings import Judged
-from .keep import Keep
+from .keep import DIGITS, Keep
 from .refit import HELD, PATIENT, QUICKLY, Fitted, begun, fitted_there, settled, with_weights_of
 
 Progress = Callable[[str], None]
@@ -75,7 +75,7 @@ class Fits:
         begun_at = base.problem if anew else settled(base.problem, base.result)
         blob = pickle.dumps((begun_at, base.model, base.result, base.result.solution))
         starts = [begun(c, s, values) for c, s in wanted]
-        before = repr((sorted(values.items()), list(base.changes), base.settings.weigh, anew))
+        before = repr((sorted(values.items()), list(base.changes), base.settings.weigh, anew, _given(base.problem)))
         names = [self.kept.name(before, c, start) for (c, _), start in zip(wanted, starts, strict=True)]
         found = {name: part for name in names if (part := self.kept.get(name)) is not None}
         open_ones = [(name, c, start) for name, (c, _), start in zip(names, wanted, starts, strict=True) if name not in found]
@@ -102,7 +102,7 @@ class Fits:
             return None
         weighed = problem if base.settings.weigh else with_weights_of(solution, problem)
         settings = replace(base.settings, seconds=min(base.settings.seconds, max(self.left / 2, least)))
-        name = self.kept.name(repr((what, list(base.changes), base.settings.weigh)), start=_found(base.result))
+        name = self.kept.name(repr((what, list(base.changes), base.settings.weigh, _given(problem))), start=_found(base.result))
         return self._arrived(name, weighed, settings, Begun.of(solution, weighed))
 
     def anew(self, base: Base, problem: Problem) -> tuple[Problem, Smoothing] | None:
@@ -111,7 +111,7 @@ class Fits:
             return None
         posed = problem if base.settings.weigh else with_weights_of(solution, problem)
         settings = replace(HELD, options=PATIENT, supposed=base.settings.supposed, seconds=LONGEST * self.left)
-        name = self.kept.name(repr(("anew", list(base.changes), base.settings.weigh)), start=_found(base.result))
+        name = self.kept.name(repr(("anew", list(base.changes), base.settings.weigh, _given(problem))), start=_found(base.result))
         found = self._arrived(name, posed, settings, None)
         if found is None:
             return None
@@ -120,8 +120,7 @@ class Fits:
     def weighed(self, base: Base, problem: Problem, near: Smoothing) -> tuple[Problem, Smoothing] | None:
         """A problem smoothed with weights from the data, starting where another one of it came to rest; None where it does not."""
         problem = without_idle(settled(problem, near), near)
-        free = sorted(name for name, given in problem.parameters.items() if isinstance(given, Free))
-        name = self.kept.name(repr(("weighed", list(base.changes), free)), start=_found(near))
+        name = self.kept.name(repr(("weighed", list(base.changes), _given(problem))), start=_found(near))
         settings = replace(QUICKLY, seconds=self.left / 2, supposed=base.settings.supposed)
         begin: Solution | Begun | None = near.solution
         if near.solution is not None and not _as_many_states(near.solution, problem):
@@ -141,6 +140,17 @@ class Fits:
 
 def _as_many_states(solution: Solution, problem: Problem) -> bool:
     return [q.name for q in solution.transcription.dae.states] == [q.name for q in problem.posed.dae.states]
+
+
+def _given(problem: Problem) -> list[tuple[str, str]]:
+    """What is given of the parameters, but for roundings: a fit within other bounds, or from other guesses, is another one."""
+
+    def said(given: Free | float) -> str:
+        if not isinstance(given, Free):
+            return f"{given:.{DIGITS}g}"
+        return f"{given.guess:.{DIGITS}g} {given.min:.{DIGITS}g} {given.max:.{DIGITS}g} {given.std} {given.drift}"
+
+    return sorted((name, said(given)) for name, given in problem.parameters.items())
 
 
 def _found(result: Smoothing) -> dict[str, float]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -14,7 +16,10 @@ from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.estimation.diagnosis.scores.screen import identifiable
 from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.diagnosis.search.fits import Base, Fits
 from backsight.estimation.diagnosis.search.inflated import free_again, unheld, with_inertias_near
+from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.refit import QUICKLY
 from backsight.models.mechanics.translational import Mass
 from backsight.models.plants import actuator
 
@@ -157,3 +162,16 @@ def test_a_spring_as_strong_as_all_other_forces_is_found():
     assert k.value == pytest.approx(STIFF, rel=1e-3)
     assert d.after.parameters["carriage.m"].value == pytest.approx(MASS, rel=2e-3)
     assert any("carriage.m would be" in note for note in d.notes)
+
+
+def test_a_fit_near_the_guess_is_not_the_one_that_was_kept_of_a_free_mass(tmp_path):
+    problem = posed(run(0.5, STEP, f_c=20.0))
+    result = smooth(problem, settings=QUICKLY)
+    friction = next(c for c in library(problem, problem.model, result.solution) if c.physics == "coulomb_friction")
+    base = Base(problem=problem, model=problem.model, result=result, settings=QUICKLY, changes=())
+    near = replace(base, problem=replace(problem, parameters={**problem.parameters, "carriage.m": Free(45.0, 30.0, 60.0)}))
+    with ProcessPoolExecutor(1) as pool:
+        fits = Fits(pool=pool, ahead=1, kept=Keep(tmp_path, problem), say=lambda _: None, end=inf)
+        free, held = (fits.candidates(one, [(friction, None)])[0][2] for one in (base, near))
+    assert free.result.parameters["carriage.m"].value == pytest.approx(MASS, rel=0.01)
+    assert held.result.parameters["carriage.m"].value == pytest.approx(60.0)
