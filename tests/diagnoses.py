@@ -5,15 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from math import nan
 
 import numpy as np
 
 from backsight.data import path
 from backsight.estimation import Free, Problem, Recording, Smoothing, smooth
 from backsight.estimation.diagnosis import Diagnosis, Errors, Explanation, Finding, HeldOut, Mismatch, Strength, Tried, Undetectable
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.models.plants import actuator
 
 PLACE = "carriage"
+
+
+def found(c: Candidate, gain: float) -> Finding:
+    """A finding of a candidate that gained so much [nats], with nothing else told of it."""
+    explanation = Explanation(place=c.place, family=c.family, physics=c.physics)
+    return Finding(explanation=explanation, p_value=nan, gain=gain, change="", share=None)
 
 
 @cache

@@ -113,16 +113,21 @@ def choose_weights(
     those that were gone back to. Raises SolveError where the first solve, at the weights given, leaves a cost above `hopeless`.
     """
     is_open, families = wanted.of_outputs(transcription), wanted.families(transcription, at_rest)
-    force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
-    iterations, rounds, settled, cost, change, begun, best = 0, 0, not families, np.inf, np.inf, start, None
+    iterations, rounds, settled, cost, change, begun = 0, 0, not families, np.inf, np.inf, start
+    best: Seen | None = None
     usual = float(sum(term.target.size for term in transcription.nlp.terms))
+
+    def weighted() -> Values:
+        return _weighted(values, transcription, at_rest, *_factors(families, transcription, is_open))
+
     for rounds in range(1, ROUNDS + 1) if families else ():
-        solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), False)
+        solution = solve(start, weighted(), False)
         start, iterations = solution.solved.decisions, iterations + solution.solved.iterations
         before, cost = cost, solution.solved.cost
         usual = max(usual, cost) if rounds == 1 else usual
         if cost > RAN_AWAY * usual:
-            start, force_factor, output_factor, best = begun, np.ones_like(force_factor), np.ones_like(output_factor), None
+            start, best = begun, None
+            _put(families, [0.0] * len(families))
             break
         if rounds == 1 and cost > hopeless:
             raise SolveError(
@@ -135,30 +140,29 @@ def choose_weights(
         if solution.curvature is None:
             break  # without covariances nobody knows how much of a residual the fit could choose
         seen = Seen.of(solution, families) if best is not None or change < np.log(FARTHEST) else None
-        back = seen is not None and best is not None and seen.too_far(best)
-        if back and best is not None:
+        if seen is not None and best is not None and seen.too_far(best):
             start, change = best.decisions, max(family.halfway_to(log) for family, log in zip(families, best.logs, strict=True))
+            settled, to_go = False, "too far, and halfway back"
         else:
             best = seen if seen is not None and seen.evidence > (-np.inf if best is None else best.evidence) else best
             change = max(family.step(solution) for family in families)
-        _put(families, force_factor, output_factor, is_open)
-        to_go = "too far, and halfway back" if back else f"{100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go"
+            settled, to_go = change < CLOSE, f"{100 * np.expm1(min(change, BEYOND_WORDS)):.3g} % to go"
         say(f"weights from the data, round {rounds}: {to_go}")
         if change < CLOSE:
-            settled = not back
             break
-    solution = solve(start, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
+    solution = solve(start, weighted(), True)
     iterations += solution.solved.iterations
     if best is not None and Seen.of(solution, families).too_far(best):
         say("weights from the data: those with the most evidence on the way")
         last = [family.log for family in families]
-        _set(families, best.logs, force_factor, output_factor, is_open)
-        again = solve(best.decisions, _weighted(values, transcription, at_rest, force_factor, output_factor), True)
+        _put(families, best.logs)
+        again = solve(best.decisions, weighted(), True)
         iterations += again.solved.iterations
         if again.solved.status.converged:
             solution, settled = again, False
         else:
-            _set(families, last, force_factor, output_factor, is_open)
+            _put(families, last)
+    force_factor, output_factor = _factors(families, transcription, is_open)
     return Choice(
         solution=solution,
         force_std=transcription.force_std * force_factor,
@@ -169,20 +173,21 @@ def choose_weights(
     )
 
 
-def _put(families: Sequence[Family], force_factor: Array, output_factor: Array, is_open: Mask) -> None:
-    """The families' factors, where they belong."""
+def _put(families: Sequence[Family], logs: Sequence[float]) -> None:
+    """Other factors for the families."""
+    for family, log in zip(families, logs, strict=True):
+        family.log = log
+
+
+def _factors(families: Sequence[Family], transcription: Transcription, is_open: Mask) -> tuple[Array, Array]:
+    """What the families make of the first deviations of forces (n_soft,) and outputs (H, ny)."""
+    force_factor, output_factor = np.ones(len(transcription.soft)), np.ones(is_open.shape)
     for family in families:
         if family.term == "samples":
             output_factor[is_open[:, family.row], family.row] = np.exp(family.log)
         else:
             force_factor[family.row] = np.exp(family.log)
-
-
-def _set(families: Sequence[Family], logs: Sequence[float], force_factor: Array, output_factor: Array, is_open: Mask) -> None:
-    """Other factors for the families, where they belong."""
-    for family, log in zip(families, logs, strict=True):
-        family.log = log
-    _put(families, force_factor, output_factor, is_open)
+    return force_factor, output_factor
 
 
 @dataclass(frozen=True)

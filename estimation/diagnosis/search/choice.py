@@ -322,7 +322,7 @@ def evened(e: Explanation, c: Candidate, result: Smoothing, force: float) -> Exp
     """
     growth, level = (e.parameters.get(word) for word in ("b", "c"))
     if e.physics == "logarithmic_friction" and level is not None and growth is not None:
-        none = growth.value <= NOTHING if growth.std is None else False
+        none = growth.std is None and growth.value <= NOTHING
         most = growth.value + DOUBTS * growth.std if growth.std is not None else inf
         if none or most * np.log(FASTEST / SLOWEST) < FLOOR * force:
             return replace(e, physics="coulomb_friction", parameters={"f_c" if level.unit == "N" else "tau_c": level})

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from math import inf, nan
+from math import inf
 
 import numpy as np
 import pytest
 from concealed_axis import posed, run
+from diagnoses import found
 from scipy.signal import lfilter
 
 from backsight.estimation import Free, Weights, smooth
-from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.channels import of_sensor
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
@@ -37,11 +37,6 @@ MOTION = Motion(v_rms=0.2, low=-0.05, high=0.05)
 def law(name: str) -> Candidate:
     (spot,) = bodies(actuator())
     return of_law(next(one for one in AGAINST_GROUND if (one.label or one.physics) == name), actuator(), spot, MOTION)
-
-
-def found(c: Candidate, gain: float) -> Finding:
-    explanation = Explanation(place=c.place, family=c.family, physics=c.physics)
-    return Finding(explanation=explanation, p_value=nan, gain=gain, change="", share=None)
 
 
 def after(spring: float) -> Search:

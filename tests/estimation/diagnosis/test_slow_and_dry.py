@@ -8,18 +8,17 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from math import inf, nan
+from math import inf
 
 import numpy as np
 import pytest
 from concealed_axis import LEFT, posed
+from diagnoses import found
 
 from backsight.data.generators import actuator as machine
 from backsight.data.generators.run import Run
 from backsight.estimation import Free, Problem
 from backsight.estimation.diagnosis import diagnose
-from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
-from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.search.amended import stood_in
 from backsight.estimation.diagnosis.search.elimination import alone
@@ -81,11 +80,6 @@ def shared(problem: Problem, *order: tuple[str, float, float]) -> Search:
 
 def dead_zone_and_friction(problem: Problem, width: float, f_c: float) -> Search:
     return shared(problem, ("input_dead_zone", width, 500.0), ("coulomb_friction", f_c, 90.0))
-
-
-def found(c: Candidate, gain: float) -> Finding:
-    explanation = Explanation(place=c.place, family=c.family, physics=c.physics)
-    return Finding(explanation=explanation, p_value=nan, gain=gain, change="", share=None)
 
 
 def test_what_stood_for_a_part_of_what_was_found_later_goes():
