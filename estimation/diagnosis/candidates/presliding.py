@@ -34,6 +34,7 @@ Carried = Callable[[Array, Array], Array]
 WAYS = tuple(float(w) for w in np.geomspace(1e-4, 3e-2, 8))  # of the span of the positions: delta
 LONG_WAYS = tuple(float(w) for w in np.geomspace(1e-2, 1.0, 7))  # where there is no friction yet
 LEVELS, UNITS = ("f_c", "tau_c", "f_plus", "f_minus", "tau_plus", "tau_minus", "c"), ("N", "N.m")
+SHARPER = 0.1  # of what signs are rounded over: |v| has a corner that no force jumps at, and slow ways bend asperities, too
 FINE = 4  # parts of a row in which the velocity keeps its direction
 
 
@@ -98,7 +99,9 @@ def _candidate(
         place=spot.name,
         family="friction",
         physics="presliding_friction",
-        edits=(Insert(place=flange_of(spot), component=kind(**{word: level, "sigma_0": stiffest, "width": motion.width}), name=name),),
+        edits=(
+            Insert(place=flange_of(spot), component=kind(**{word: level, "sigma_0": stiffest, "width": SHARPER * motion.width}), name=name),
+        ),
         start={stiffness: (stiffest, level / max(ways) / 100, inf), own: (level, level * 1e-3, inf)},
         named={"sigma_0": stiffness, word: own},
         signals=tuple(

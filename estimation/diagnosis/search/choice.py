@@ -129,10 +129,14 @@ def stood_for(found: Screen, sizes: Sizes, fits: Sequence[tuple[Candidate, Scree
 
 
 def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:
-    """The best candidate of the same family and place with fewer strengths, if it gains a good part of as much."""
+    """The best candidate of the same family and place with fewer strengths, if it gains a good part of as much.
+
+    Asperities as stiff as can be are Coulomb friction: beside some with which a body yields far, that may be what they come to.
+    """
     c = s.candidate
     there = [o for o in others if (o.candidate.place, o.candidate.family) == (c.place, c.family) and o.candidate.size < c.size]
-    return max((o for o in there if o.gain >= WORTH * s.gain), key=lambda o: o.gain, default=None)
+    least = 0.0 if c.physics == "presliding_friction" and not c.absorbs else WORTH * s.gain
+    return max((o for o in there if o.gain >= least), key=lambda o: o.gain, default=None)
 
 
 def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:

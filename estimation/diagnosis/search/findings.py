@@ -13,7 +13,7 @@ from backsight.models.analysis.isolability import isolability, telling
 
 from ...problem import Problem
 from ...results import ParameterEstimate, Smoothing
-from ..answer.verdict import EVERYWHERE, Class, Explanation, Finding, Strength, Tried
+from ..answer.verdict import EVERYWHERE, Class, Explanation, Finding, Key, Strength, Tried
 from ..answer.words import UNKNOWN
 from ..candidates.candidate import Candidate
 from ..evidence.offsets import PREFIX
@@ -60,10 +60,12 @@ def finding(
     sizes: Sizes,
     same: Sequence[Candidate] = (),
     as_good: Sequence[Candidate] = (),
+    refused: Collection[Key] = (),
 ) -> Finding:
     """The best of the fits of a round, with those that cannot be told from it and those that can.
 
-    same: some that could not be told beside it; as_good: some whose fits are. None with which more effects are needed.
+    same: some that could not be told beside it; as_good: some whose fits are. None with which more effects are needed. refused: keys of
+    those against whose fits something speaks, which explain nothing in its place.
     """
     c, s, f = best
     rivals, others, near = list[Explanation](), list[Explanation](), list[Screened | None]()
@@ -74,7 +76,7 @@ def finding(
         if _left_open(best, (d, there, g)):
             rivals.append(explained(d, None))
             near.append(there)
-        elif d in same or (as_many and sound(d, g) and (gap < RIVAL or d in as_good)):
+        elif d in same or (as_many and sound(d, g) and (d in as_good or (gap < RIVAL and d.key not in refused))):
             rivals.append(explained(d, g.result, max(gap, 0.0) if d in same else gap))
             near.append(None if d in same else there)
         elif np.isfinite(gap):

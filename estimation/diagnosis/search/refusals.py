@@ -10,6 +10,7 @@ import numpy as np
 from backsight.models import Model
 
 from ...results import Smoothing
+from ...smoothing.along import shown_of_ways
 from ...smoothing.begun import followed_by
 from ...smoothing.rest import rounded_signs, sliding, strengths_at_rest
 from ..answer.verdict import TOO_SMALL, Finding, Tried
@@ -24,6 +25,7 @@ DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less m
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
 VISCOUS = ("d", "d_plus", "d_minus")
 ONE_WAY = ("f_plus", "f_minus", "tau_plus", "tau_minus")
+YIELDS = 3.0  # standard deviations of a position, by which asperities have to bend to be told from ones that do not
 SLIDES = 0.01  # of all that a body slides: by less than that nothing is known of a direction
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
 
@@ -56,6 +58,8 @@ def why_not(c: Candidate, s: Screened | None, f: Fitted, beside: Beside) -> str:
         return "hardly other than the law that the model has"
     if creeping(c, f):
         return "only how a rounded sign creeps at rest"
+    if unyielding(c, f):
+        return "Coulomb friction: it yields by less than samples tell before it slides"
     if one_way(c, f):
         return "of a direction in which the body hardly ever slides"
     if trifling(c, f, beside.accepted, before, sizes):
@@ -155,6 +159,19 @@ def creeping(c: Candidate, f: Fitted) -> bool:
     width = max(rounded_signs(f.worth.solution).get(c.place, {}).values(), default=np.inf)
     viscous = [path for word, path in c.named.items() if word in VISCOUS and path in f.result.parameters]
     return level > 0 and any(f.result.parameters[path].value * width > level for path in viscous)
+
+
+def unyielding(c: Candidate, f: Fitted) -> bool:
+    """Whether it is friction that the model has, but for a way before it slides that hardly leaves the noise of measured positions.
+
+    A body that sticks is held by stiff asperities better than by a rounded sign, which creeps; that it yields is what samples have to show.
+    """
+    solution = f.worth.solution
+    if c.physics != "presliding_friction" or not c.absorbs or f.result is None or f.problem is None or solution is None:
+        return False
+    level = max(f.result.value(path) for word, path in c.named.items() if word != "sigma_0")
+    way = level / f.result.value(c.named["sigma_0"])
+    return 0.0 < way * shown_of_ways(f.problem.posed.dae, c.signals[0].seen, followed_by(solution), solution.parameters) < YIELDS
 
 
 def one_way(c: Candidate, f: Fitted) -> bool:

@@ -36,6 +36,7 @@ from backsight.estimation.diagnosis.search.choice import (
     plainest_first,
     plainness,
     simpler_there,
+    simplest_beside,
     sound,
     spared,
     stood_for,
@@ -99,6 +100,14 @@ def test_of_a_sensor_what_comes_late_is_fitted_beside_what_reads_otherwise():
 
 def of_family(s: Screened, family: str) -> Screened:
     return replace(s, look=replace(s.look, candidate=replace(s.candidate, family=family)))
+
+
+@pytest.mark.parametrize(("absorbs", "is_fitted"), [({}, True), ({"friction.f_c": "own.f_c"}, False)])
+def test_beside_asperities_where_there_is_no_friction_yet_that_which_yields_by_nothing_is_fitted(absorbs, is_fitted):
+    """By the scores it gains less than half as much: there they bend far."""
+    yielding, level = screened("joint", "presliding_friction", 130.0, size=2), screened("joint", "coulomb_friction", 60.0)
+    yielding = replace(yielding, look=replace(yielding.look, candidate=replace(yielding.candidate, absorbs=absorbs)))
+    assert (simplest_beside(yielding, [yielding, level]) is level) is is_fitted
 
 
 @pytest.mark.parametrize(("gain", "is_fitted"), [(50.0, True), (20.0, False)])

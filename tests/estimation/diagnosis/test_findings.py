@@ -124,6 +124,22 @@ def test_two_parameters_of_one_component_may_be_wrong_and_each_is_named(lacks, t
     assert [e.words for e in found.alternatives] == ["wrong parameter gear.J"] * told
 
 
+@pytest.mark.parametrize(("refused", "open_"), [(frozenset(), True), (frozenset({("input:F", "input_lag")}), False)])
+def test_a_fit_against_which_something_speaks_is_nothing_that_it_could_be_instead(refused, open_):
+    """A lag that gains more than friction does, but leaves more force over than there was."""
+
+    def judged(place: str, physics: str, gain: float) -> tuple:
+        value = ParameterEstimate(name=physics, value=2.0, std=0.01, unit="1", fixed=False)
+        c = Candidate(place=place, family="friction", physics=physics, strengths=(physics,), named={physics: physics})
+        result = SimpleNamespace(parameters={physics: value}, units={}, solver=SimpleNamespace(converged=True))
+        return c, None, Fitted(candidate=c, result=result, gain=gain)
+
+    best, other = judged("carriage", "coulomb_friction", 100.0), judged("input:F", "input_lag", 200.0)
+    found = finding(None, best, [best, other], None, None, refused=refused)
+    assert [e.physics for e in found.rivals] == ["input_lag"] * open_
+    assert [e.physics for e in found.alternatives] == ["input_lag"] * (not open_)
+
+
 def test_what_came_free_once_it_was_kept_is_among_its_numbers():
     _, before, _, after = runs()
     c = Candidate(place="carriage", family="friction", physics="x", named={"d": "friction.d"}, later={"friction.f_c": (0.0, 0.0, np.inf)})

@@ -19,6 +19,7 @@ from backsight.estimation.diagnosis.scores.screen import Screened
 from backsight.estimation.diagnosis.scores.supermodel import Look
 from backsight.estimation.diagnosis.search.refit import begun
 from backsight.models import Parameter, compile_model
+from backsight.models.mechanics.friction_laws import bristle_rate
 from backsight.models.mechanics.translational import AsymmetricFriction, DahlFriction, Friction, StribeckFriction
 from backsight.models.plants import actuator
 
@@ -62,6 +63,18 @@ def test_a_body_with_friction_may_have_it_and_gives_its_level_up() -> None:
     ways = [20.0 / next(iter(s.start.values())) for s in c.signals]
     assert ways == sorted(ways)
     assert 0 < min(ways) < max(ways) < motion.span
+
+
+def test_a_creeping_body_bends_its_asperities_as_the_law_of_dahl_has_it() -> None:
+    """Over a way as long as they bend, at half a percent of the usual velocity: with |v| rounded as signs are none would ever slide."""
+    (carriage,) = (s for s in bodies(actuator()) if s.name == "carriage")
+    motion = Motion(v_rms=0.1, low=-0.1, high=0.1)
+    (c,) = of_presliding(actuator(), carriage, motion, {"friction.f_c": LEVEL, "friction.width": 1e-3}, seen=True)
+    made = c.edits[0].component.parameters
+    v, way = 0.005 * motion.v_rms, LEVEL / made["sigma_0"]
+    rate = lambda _, z: bristle_rate(v, z, made["sigma_0"], LEVEL, made["width"])  # noqa: E731
+    slow = solve_ivp(rate, (0.0, way / v), [0.0], rtol=1e-9, atol=1e-15)
+    assert slow.y[0, -1] == pytest.approx(way * (1 - np.exp(-1)), rel=0.01)
 
 
 def test_a_body_without_friction_may_have_as_much_as_the_score_tells() -> None:

@@ -31,6 +31,7 @@ from backsight.estimation.diagnosis.search.refusals import (
     slight,
     stands_in,
     trifling,
+    unyielding,
     why_not,
 )
 from backsight.models.plants import actuator
@@ -226,6 +227,19 @@ def test_friction_that_yields_over_a_short_way_is_weighed_as_a_whole_beside_that
     fit, (few, many) = Fitted(candidate=c, result=result), (found.shapes[id(c)][k] for k in (0, -1))
     assert refining(c, few, fit, result, sizes, found)
     assert not refining(c, many, fit, result, sizes, found)
+
+
+@pytest.mark.parametrize(("way", "is_it"), [(4e-6, True), (2e-5, False)])
+def test_asperities_that_yield_by_less_than_samples_tell_are_those_of_coulomb_friction(with_friction, way, is_it):
+    """Samples are good to 2 um, and 3 of their deviations tell."""
+    result, _, _, candidates = with_friction
+    c = next(c for c in candidates if c.physics == "presliding_friction")
+    told = {c.named["f_c"]: 20.0, c.named["sigma_0"]: 20.0 / way}
+    problem = SimpleNamespace(posed=SimpleNamespace(dae=result.solution.transcription.dae))
+    fit = Fitted(candidate=c, problem=problem, result=SimpleNamespace(value=told.get), worth=Worth(nats=0.0, solution=result.solution))
+    assert c.absorbs
+    assert unyielding(c, fit) is is_it
+    assert not unyielding(replace(c, absorbs={}), fit)
 
 
 def test_what_others_can_do_of_a_force_is_none_of_its_own(with_friction):

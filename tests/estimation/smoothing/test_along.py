@@ -10,7 +10,7 @@ import pytest
 from examples import soft_drive
 
 from backsight.estimation import Problem, Recording, smooth
-from backsight.estimation.smoothing.along import along, forces, times_within
+from backsight.estimation.smoothing.along import along, forces, shown_of_ways, times_within
 from backsight.estimation.smoothing.begun import followed_by
 from backsight.estimation.smoothing.horizons import output_stds
 from backsight.estimation.smoothing.meshing import follow_closely
@@ -61,6 +61,24 @@ def test_an_expression_is_evaluated_along_the_trajectory():
     times = np.linspace(0.5, 3.5, 50)
     v = along(problem.dae, problem.dae.x[1], trajectories, 0, times, problem.values)
     np.testing.assert_allclose(v[0], A * OMEGA * np.cos(OMEGA * times), atol=1e-3 * A * OMEGA)
+
+
+@pytest.mark.parametrize("sampled", [True, False])
+def test_of_a_way_the_sensor_that_moves_most_in_its_deviations_shows_most(sampled):
+    """Two bodies that swing against each other; the second moves half as far as the first, and is sampled ten times better, or not."""
+    t = np.linspace(0.0, 2.0, 2001)
+    phi = {"phi_1": 0.02 * np.sin(OMEGA * t), "phi_2": -0.01 * np.sin(OMEGA * t)}
+    phi = phi if sampled else {"phi_1": phi["phi_1"]}
+    std = {"phi_1": 1e-5, "phi_2": 1e-6}
+    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std={name: std[name] for name in phi})
+    drive = soft_drive()
+    connections = (*drive.connections, ("far.flange", "load.flange"))
+    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
+    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
+    problem = Problem(model=model, recordings=[recording])
+    trajectories = follow_closely(problem, output_stds(problem)[0], None)
+    shown = shown_of_ways(problem.dae, "motor.omega", trajectories, problem.values)
+    assert shown == pytest.approx(0.5 / 1e-6 if sampled else 1.0 / 1e-5, rel=0.01)
 
 
 @pytest.mark.parametrize("turned", [0.0, 100.0])
