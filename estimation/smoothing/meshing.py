@@ -14,8 +14,8 @@ from backsight.ocp.pieces import direct
 
 from ..problem import Problem
 from ..recordings.outliers import screened
+from .families import UNDECIDED
 from .horizons import make_horizon, sample_density, sampling_interval
-from .variances import UNDECIDED
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -8,9 +8,9 @@ import truths
 from examples import OFFSET, D, K, M, compiled, oscillator
 
 from backsight.estimation import Free, Problem, Recording, Weights
+from backsight.estimation.smoothing.families import UNDECIDED
 from backsight.estimation.smoothing.horizons import make_horizon, output_stds
 from backsight.estimation.smoothing.meshing import FINEST, LONGEST, Meshed, _felt_as_noise, follow_closely, mesh
-from backsight.estimation.smoothing.variances import UNDECIDED
 from backsight.ocp.follow import follow
 from backsight.ocp.linear import Linear
 
