@@ -96,7 +96,7 @@ def diagnosis_table(found: Diagnosis) -> Group:
 def _before_and_after(found: Diagnosis) -> Table:
     """The model's estimated parameters as it was declared, and with what was found."""
     table = Table(box=None, pad_edge=False)
-    for heading in ("parameter", "as declared", "with what was found")[: 3 if found.findings else 2]:
+    for heading in ("parameter", "fitted as declared", "fitted with what was found")[: 3 if found.findings else 2]:
         table.add_column(heading)
     for name, then in found.before.parameters.items():
         now = found.after.parameters.get(name)

@@ -46,8 +46,8 @@ def test_the_parameters_stand_beside_each_other_as_declared_and_with_what_was_fo
     before, after = (r.parameters["carriage.m"] for r in (found.before, found.after))
     assert str(before) != str(after)
     assert rows["carriage.m"].index(str(before)) < rows["carriage.m"].index(str(after))
-    assert "as declared" in rows["parameter"]
-    assert "with what was found" in rows["parameter"]
+    assert "fitted as declared" in rows["parameter"]
+    assert "fitted with what was found" in rows["parameter"]
     assert "friction.width" not in rows  # fixed in both
 
 
