@@ -30,10 +30,10 @@ from .proof.proof import Case, Proof
 from .scores.onsets import clocks_notes
 from .search.findings import ranked
 from .search.fits import Fits, Progress
-from .search.inflated import free_again, with_inertias_near
 from .search.keep import Keep
 from .search.left_over import NAMELESS
 from .search.refit import FAILURES, known_of
+from .search.runaway import free_again, with_inertias_near
 from .search.search import Search
 from .search.standing import Standing
 from .start.as_it_is import AsItIs, as_it_is

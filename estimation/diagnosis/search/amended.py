@@ -11,9 +11,9 @@ from ..evidence.latent import without_force
 from ..scores.shares import left_over
 from .choice import CLEAR, DOUBTS, idle
 from .elimination import Bare, alone
-from .inflated import free_again
 from .one_level import OneLevel
 from .refit import settled
+from .runaway import free_again
 from .state import State
 
 LITTLE = 0.1  # of what an effect gained: a model that lacks more without it is another one

@@ -41,10 +41,10 @@ from .elimination import Bare
 from .findings import Judged, fitted_strengths
 from .fits import Base, Fits
 from .indistinct import indistinct
-from .inflated import unheld
 from .left_over import UNEXPLAINED
 from .refit import at_work, bared, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
+from .runaway import unheld
 
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias

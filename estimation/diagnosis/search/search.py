@@ -19,11 +19,11 @@ from .amended import amend, freed
 from .choice import CLEAR, chosen, idle
 from .findings import verdict
 from .fits import Base
-from .inflated import free_again
 from .left_over import LeftOver
 from .refit import QUICKLY, comparable, hidden, settled
 from .refusals import loose
 from .round import Best, Round
+from .runaway import free_again
 from .standing import FEW, Standing
 from .state import State
 

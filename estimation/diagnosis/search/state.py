@@ -14,8 +14,8 @@ from ..evidence.worth import Worth
 from ..scores.shares import Sizes, left_over
 from .elimination import Bare
 from .fits import Base, Fits
-from .inflated import Near, free_again, with_inertias_near
 from .refit import HELD, QUICKLY, settled, worth_of
+from .runaway import Near, free_again, with_inertias_near
 from .standing import Standing
 
 
@@ -27,7 +27,7 @@ class State:
     held, as a study has them, where straight ones were better for it. bare: the problem and its model before anything was found. first: the
     model without anything that was found, with weights from the data where it was smoothed with these; first_weights: of its problem;
     first_left: place -> what it leaves over. sizes: of the last round's forces. freely: where inertias are near their guesses
-    (`inflated.py`), what the model as it is is worth with these free. parted: keys of two that were found together, of which one went.
+    (`runaway.py`), what the model as it is is worth with these free. parted: keys of two that were found together, of which one went.
     """
 
     standing: Standing

@@ -17,9 +17,9 @@ from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.estimation.diagnosis.scores.screen import identifiable
 from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.estimation.diagnosis.search.fits import Base, Fits
-from backsight.estimation.diagnosis.search.inflated import free_again, unheld, with_inertias_near
 from backsight.estimation.diagnosis.search.keep import Keep
 from backsight.estimation.diagnosis.search.refit import QUICKLY
+from backsight.estimation.diagnosis.search.runaway import free_again, unheld, with_inertias_near
 from backsight.models.mechanics.translational import Mass
 from backsight.models.plants import actuator
 
