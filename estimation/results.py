@@ -163,7 +163,11 @@ def doubted(fit: Mapping[str, Mapping[str, OutputFit]], residuals: Mapping[str, 
 
 @dataclass(frozen=True, kw_only=True)
 class Criteria:
-    """How well the model explains the samples for the freedom it took (`validation/criteria.py`); None where that is not determined."""
+    """How well the model explains the samples for the freedom it took (`validation/criteria.py`); None where that is not determined.
+
+    first_states: what the first two gain where as much is known of each first state as one sample tells (`validation/innovations.py`): of
+    models with different states only with it they are of one kind.
+    """
 
     log_evidence: float | None
     log_likelihood: float | None
@@ -171,6 +175,7 @@ class Criteria:
     bic: float
     effective_parameters: float
     samples: int
+    first_states: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -113,7 +113,7 @@ FAULTY = (
     Case(kind="joint_2_cubic_spring", effects=lambda d: (cubic(2, 0.8 * d.size),), motions=("multisine", "trapezoids")),
     Case(
         kind="amplifier_saturation",
-        effects=lambda d: (command(1, "input_saturation", "limit", 0.95 / d.size, "N.m"),),
+        effects=lambda d: (command(1, "input_saturation", "limit", 0.8 / d.size, "N.m"),),
         verdict="input",
         motions=("steps", "multisine"),
     ),

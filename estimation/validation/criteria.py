@@ -75,6 +75,7 @@ def criteria(solution: Solution, filtered: Filtered | None) -> Criteria | None:
         bic=-2.0 * conditional + k * float(np.log(n)),
         effective_parameters=k,
         samples=n,
+        first_states=filtered.first_states,
     )
 
 

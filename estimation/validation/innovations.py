@@ -25,6 +25,7 @@ from ..smoothing.robust import RobustSolution
 from .chain import Chain, chain
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 DIFFUSE = 1e6  # standard deviation of beta beforehand, in units of what its own column tells: nothing is known
@@ -69,13 +70,15 @@ class Innovations:
 class Filtered:
     """All horizons, and what the marginal likelihood needs beside them.
 
-    first_root: sum of log |R_jj|, R'R the information on the first states given the parameters. parameter_root (np, np): R of the
+    first_root: sum of log |R_jj|, R'R the information on the first states given the parameters. first_states: what integrals over those of
+    which nothing is known gain by as much as the sample that tells most of each (`_unit_information`). parameter_root (np, np): R of the
     parameters. squares: sum of the squared prediction errors, with those that tell beta.
     determined: whether the data determine all of them.
     """
 
     horizons: tuple[Innovations, ...]
     first_root: float
+    first_states: float
     parameter_root: Array
     squares: float
     determined: bool
@@ -102,13 +105,14 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     np_ = links.H.shape[2]
     size = np.sqrt(sum(np.sum(E[:, E.shape[1] - np_ :] ** 2, axis=0) for _, E, _, _ in runs))
     R, d = _absorbed(_weak(size), np.zeros(np_), links.known_parameters)
-    horizons, first_root, squares, first = [], 0.0, 0.0, 0
+    horizons, first_root, first_states, squares, first = [], 0.0, 0.0, 0.0, 0
     scale = scale_of_samples(solution).T
     for (u, E, steps, log_roots), where, known, horizon in zip(runs, places, links.known, t.horizons, strict=True):
         k = E.shape[1] - np_
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
         root: Array = np.zeros((k + np_, k + np_))
         root[:k, :k], root[k:, k:] = _weak(size), R
+        alone = ~np.any(known[:, 1:] != 0, axis=0)
         known = np.hstack([known, np.zeros((len(known), np_))])
         root, right = _absorbed(root, np.concatenate([np.zeros(k), d]), known)
         w, variance, root, right = _recursive(u, E, root, right)
@@ -121,8 +125,30 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         first += len(horizon.time)
         horizons.append(Innovations(errors=errors, log_densities=densities, u=u, E=E, steps=steps, log_roots=float(np.sum(log_roots))))
         first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
+        first_states += _unit_information(root[:k, :k], E[:, :k], alone)
         R, d = root[k:, k:], right[k:]
-    return Filtered(horizons=tuple(horizons), first_root=first_root, parameter_root=R, squares=squares, determined=solution.determined)
+    return Filtered(
+        horizons=tuple(horizons),
+        first_root=first_root,
+        first_states=first_states,
+        parameter_root=R,
+        squares=squares,
+        determined=solution.determined,
+    )
+
+
+def _unit_information(R: Array, E: Array, unknown: Mask) -> float:
+    """By how much an integral over first states is larger where as much is known of each beforehand as one sample tells, and not nothing.
+
+    R (k, k): root of the information on them; E (m, k): of the innovations; unknown (k,): of which nothing is known. With M the most that
+    one innovation tells, for these alone,  log |R| - 1/2 log det(R'R + M) + 1/2 log det(M / 2 pi). What is flat hangs on units, and where
+    a state is hardly told it is as large as anybody likes: a delay of no length would be worth a hundred nats.
+    """
+    most = np.where(unknown, np.max(E**2, axis=0, initial=0.0), 0.0)
+    most = np.where(unknown & ~(most > 0), np.diag(R) ** 2, most)
+    _, log_det = np.linalg.slogdet(R.T @ R + np.diag(most))
+    own = float(np.sum(np.log(most[unknown] / (2.0 * np.pi))))
+    return float(np.sum(np.log(np.abs(np.diag(R)))) - 0.5 * log_det + 0.5 * own)
 
 
 def scale_of_samples(solution: Solution) -> Array:

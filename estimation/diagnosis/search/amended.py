@@ -9,7 +9,7 @@ from ...problem import Free
 from ...results import Smoothing
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
-from .choice import CLEAR, DOUBTS, idle
+from .choice import CLEAR, DOUBTS, LATE, idle
 from .elimination import Bare, alone
 from .one_level import OneLevel
 from .refit import settled
@@ -17,7 +17,6 @@ from .runaway import free_again
 from .state import State
 
 LITTLE = 0.1  # of what an effect gained: a model that lacks more without it is another one
-BY = {"tau", "delay"}  # what a lag and a delay have
 
 
 def amend(state: State) -> None:
@@ -80,25 +79,26 @@ def stood_in(state: State) -> None:
 
 
 def late_by_both(state: State) -> None:
-    """A delay stays alone where it does as well as it does beside a lag of the same signal that was found first; or a lag, likewise.
+    """What is late stays alone where it does as well as it does beside something late that was found first.
 
-    As late as both are: no small steps lead there from where each makes good what the other one is not.
+    A delay beside a lag of the same signal, a sensor's beside an input's: as late as both are, for no small steps lead there from where
+    each makes good what the other one is not.
     """
-    if not state.standing.accepted or state.fits.left == 0:
+    if not state.standing.accepted or state.standing.accepted[-1].physics not in LATE:
         return
     *before, new = state.standing.accepted
-    pair = next((k for k, old in enumerate(before) if old.place == new.place and {*old.named, *new.named} == BY), None)
-    if pair is None:
-        return
-    *other, path = (path for c in (before[pair], new) for path in c.named.values())
+    (path,) = new.named.values()
     free = state.problem.parameters[path]
-    if not isinstance(free, Free):
-        return
-    whole = sum(state.result.parameters[name].value for name in (*other, path))
-    state.fits.say(f"{new.title} alone")
-    found = state.without(pair, begin={path: replace(free, guess=min(whole, free.max))})
-    if found is not None and state.worth(found.problem, found.result).over(state.now) > -CLEAR:
-        state.standing = found.gaining(state.standing.findings[pair].gain)
+    for k, old in reversed(list(enumerate(before))):
+        if old.physics not in LATE or old.key == new.key or not isinstance(free, Free) or state.fits.left == 0:
+            continue
+        (other,) = old.named.values()
+        whole = sum(state.result.parameters[name].value for name in (other, path))
+        state.fits.say(f"{new.title} without {old.title}")
+        found = state.without(k, begin={path: replace(free, guess=min(whole, free.max))})
+        if found is not None and state.worth(found.problem, found.result).over(state.now) > -CLEAR:
+            state.standing = found.gaining(state.standing.findings[k].gain)
+            return
 
 
 def of_one_level(state: State) -> None:

@@ -87,7 +87,7 @@ class Fitted:
 
 
 def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> float:
-    """Log evidence; -inf where there is none. Of a parameter of which nothing is known beforehand, as much is as one sample tells.
+    """Log evidence; -inf where there is none. Of a parameter or a first state of which nothing is known, as much is as one sample tells.
 
     ended: there is none either where the solver has not come to rest.
 
@@ -97,7 +97,7 @@ def evidence(problem: Problem, result: Smoothing, *, ended: bool = True) -> floa
     c = result.criteria
     if (ended and not result.solver.converged) or c is None or c.log_evidence is None:
         return -np.inf
-    total = c.log_evidence
+    total = c.log_evidence + c.first_states
     for info in problem.posed.dae.parameters:
         found, given = result.parameters.get(info.name), problem.parameters.get(without_case(info.name))
         if isinstance(given, Free) and given.std is None and found is not None and found.std and not found.on_bound:

@@ -49,7 +49,7 @@ from .runaway import unheld
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias
 LOST = 0.5  # of the forces at a place: with more left over no end that a fit from there comes to is sure to be the best
-NEAR = 0.25  # of the largest left-over share of forces: what is fitted without a score is so at places with that much
+NEAR = 0.25  # of the largest left-over share of forces: what is fitted without a score is so at places with that much first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,12 +115,15 @@ class Round:
         alone = not self.accepted
         hinted = most > HINT * FLOOR or (alone and self.base.settings.weigh and coloured(self.base.result))
         least = 0.0 if (contradicting := self._contradicting(plain)) else NEAR * most
+        couplings = list[tuple[float, Candidate]]()
         if contradicting or (not self._explained(plain) and (most > FLOOR or (hinted and not plain))):
             near = [(self._left_near(c.place, most), c) for c in self.candidates if c.dear]
-            likeliest = sorted((one for one in near if one[0] >= least), key=lambda one: -one[0])  # while there is time
-            self._fit([(c, None) for _, c in likeliest], now)
+            couplings = sorted(near, key=lambda one: -one[0])  # while there is time
+            self._fit([(c, None) for left, c in couplings if left >= least], now)
         self.fitted = _best_of_each(self.fitted)
         good = self._borne_out(self.fitted)
+        if not good and most > FLOOR and (far := [c for left, c in couplings if left < least]):
+            good = self._borne_out(_best_of_each(self._alone(self.fits.candidates(self.base, [(c, None) for c in far]), now)))
         if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
             without = counted_out(self.base.result, all_of_them=True)[0] - counted_out(self.base.result)[0]
             fits = self.fits.candidates(self.base, [(c, None) for c in constant])

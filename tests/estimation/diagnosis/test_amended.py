@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from backsight.estimation import Free, Weights, smooth
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
-from backsight.estimation.diagnosis.candidates.channels import of_sensor
+from backsight.estimation.diagnosis.candidates.channels import of_input, of_sensor
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.candidates.places import bodies
@@ -165,10 +165,10 @@ def test_friction_of_two_levels_is_of_one_beside_a_constant_that_was_found_later
     assert "coulomb" in search.standing.findings[0].change
 
 
-def read_late(lag: float, delay: int) -> Search:
+def read_late(lag: float, delay: int, first: str = "sensor_lag") -> Search:
     """A search that has found a lag of a sensor and a delay then; in truth it lags by so much [s], and so many samples.
 
-    Where it does not lag the search stands at a lag of 1.5 ms all the same.
+    Where it does not lag the search stands at half of that as a lag all the same, or as a delay of the input (first).
     """
     made = run(1.0)
     x = made.outputs["x"]
@@ -177,13 +177,16 @@ def read_late(lag: float, delay: int) -> Search:
         x = lfilter([0.0, 1.0 - kept], [1.0, -kept], x, zi=[x[0]])[0]
     late = {"x": np.concatenate([np.full(delay, x[0]), x[: len(x) - delay]])}
     bare = posed(replace(made, outputs=late), W={"carriage": 0.02})
-    lags, delays = (
-        next(c for c in of_sensor(actuator(), "x", [], 1e-3, 1.0, scaled=False, span=None) if c.physics == f"sensor_{word}")
-        for word in ("lag", "delay")
-    )
-    problem, model = having(bare, bare.model, lags, {})
-    problem, model = having(problem, model, delays, {"sensor_delay_x.delay": 1.5e-3})
-    held = problem if lag else replace(problem, parameters={**problem.parameters, "sensor_lag_x.tau": 1.5e-3})
+    of_either = [
+        *of_sensor(actuator(), "x", [], 1e-3, 1.0, scaled=False, span=None),
+        *of_input(actuator(), "F", [made.inputs["F"]], 1e-3, 1.0),
+    ]
+    lags, delays = (next(c for c in of_either if c.physics == word) for word in (first, "sensor_delay"))
+    (own,) = lags.named.values()
+    half = delay / 2 * 1e-3
+    problem, model = having(bare, bare.model, lags, {own: half})
+    problem, model = having(problem, model, delays, {"sensor_delay_x.delay": half})
+    held = problem if lag else replace(problem, parameters={**problem.parameters, own: half})
     result = smooth(held, settings=QUICKLY)
     fits = Fits(pool=ProcessPoolExecutor(1), ahead=1, kept=Keep(None, bare), say=lambda _: None, end=inf)
     search = Search(standing=Standing(problem=bare, model=bare.model, result=smooth(bare, settings=QUICKLY)), fits=fits)
@@ -192,13 +195,14 @@ def read_late(lag: float, delay: int) -> Search:
     return search
 
 
-def test_a_delay_that_was_half_a_lag_is_all_of_it():
-    search = read_late(lag=0.0, delay=3)
+@pytest.mark.parametrize(("first", "late"), [("sensor_lag", 3), ("input_delay", 1)])
+def test_a_delay_that_was_half_a_lag_or_half_the_inputs_is_all_of_it(first: str, late: int):
+    search = read_late(lag=0.0, delay=late, first=first)
     late_by_both(search)
     assert [f.explanation.physics for f in search.standing.findings] == ["sensor_delay"]
-    assert "sensor_lag_x" not in search.standing.model.components
+    assert not {"sensor_lag_x", "input_delay_F"} & set(search.standing.model.components)
     delay = search.result.parameters["sensor_delay_x.delay"]
-    assert abs(delay.value - 3e-3) < 4 * delay.std < 1e-4
+    assert abs(delay.value - 1e-3 * late) < 4 * delay.std < 1e-4
 
 
 def test_a_lag_beside_which_there_is_a_delay_stays():

@@ -359,3 +359,21 @@ def test_a_fit_that_has_a_result_keeps_it_where_its_time_ends(lacking, monkeypat
     assert not fit.result.solver.converged
     first, second = given
     assert second < first == 1e3
+
+
+@pytest.mark.parametrize("late", [2e-5, 5e-4])
+def test_first_states_that_hardly_anything_tells_are_no_evidence_in_whatever_units(late: float):
+    """An input [N] or a sensor [m] that is late by next to nothing changes nothing; by .5 ms, each is as wrong as the other."""
+    made = run(1.0)
+    bare = posed(made, W={"carriage": 0.02})
+    either = of_input(actuator(), "F", [made.inputs["F"]], 1e-3, 1.0) + of_sensor(actuator(), "x", [], 1e-3, 1.0, scaled=False, span=None)
+    found = {}
+    for c in either:
+        if c.physics in ("input_delay", "sensor_delay"):
+            (name,) = c.named.values()
+            problem, _ = refit.posed(bare, bare.model, c, {name: late})
+            held = replace(problem, parameters={**problem.parameters, name: late})
+            found[c.physics] = evidence(held, smooth(held, settings=QUICKLY))
+    before = evidence(bare, smooth(bare, settings=QUICKLY))
+    assert found["input_delay"] - found["sensor_delay"] == pytest.approx(0.0, abs=3.0)
+    assert (found["input_delay"] - before == pytest.approx(0.0, abs=3.0)) is (late < 1e-4)

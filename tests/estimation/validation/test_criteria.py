@@ -27,6 +27,7 @@ def test_without_anything_unknown_likelihood_and_evidence_are_the_density_of_the
     c = problem(y, settings=FINE, parameters=FIXED, initial=AT_REST)[0].criteria
     assert c.log_likelihood == pytest.approx(multivariate_normal.logpdf(y, MEAN, C), abs=2e-3)
     assert c.log_evidence == c.log_likelihood
+    assert c.first_states == 0.0
     assert c.samples == N
 
 
@@ -60,6 +61,19 @@ def test_first_states_of_which_nothing_is_known_are_integrated_out_evenly():
     at_best = multivariate_normal.logpdf(y, MEAN + start @ best, C)
     integral = at_best + np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(start.T @ information @ start)[1]
     assert c.log_likelihood == pytest.approx(integral, abs=2e-3)
+
+
+def test_as_much_may_be_known_of_first_states_as_the_sample_that_tells_most_of_each():
+    """Samples one after the other, each less what those before tell of it, are the rows of L^-1, L L' their covariance."""
+    y, start = record(3), EFFECT[:, :2]
+    c = problem(y, settings=FINE, parameters=FIXED)[0].criteria
+    rows, L = np.linalg.inv(np.linalg.cholesky(C)) @ start, np.linalg.cholesky(C)
+    errors = np.linalg.solve(L, y - MEAN)
+    best = np.linalg.lstsq(rows, errors, rcond=None)[0]
+    M = np.diag(np.max(rows**2, axis=0))
+    at_best = multivariate_normal.logpdf(y, MEAN + start @ best, C)
+    integral = at_best + 0.5 * np.linalg.slogdet(M)[1] - 0.5 * np.linalg.slogdet(rows.T @ rows + M)[1]
+    assert c.log_likelihood + c.first_states == pytest.approx(integral, abs=5e-3)
 
 
 def test_effective_parameters_are_the_trace_of_the_hat_matrix_and_penalise_a_density_given_the_fit():
