@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def console(*, stderr: bool = False) -> Console:
     """Standard output or standard error, as it is at this moment."""
-    return Console(stderr=stderr, highlight=False)
+    return Console(stderr=stderr, highlight=False, emoji=False)
 
 
 def parameter_table(answer: Smoothing) -> Table:

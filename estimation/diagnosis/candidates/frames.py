@@ -127,6 +127,7 @@ def _dragged(model: Model, body: str, values: Mapping[str, float]) -> list[Candi
             strengths=(f"{name}.{word}",),
             one_sided=True,
             named={word: f"{name}.{word}"},
+            rounded={f"{name}.{place}": (own_name(model, f"{body}.{place}"), 1.0) for place in centre},
         )
         for physics, word, drag in kinds
         if (name := free_name(model, f"{physics}_{body}"))

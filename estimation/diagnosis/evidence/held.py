@@ -24,7 +24,7 @@ def rescaled(solution: Solution) -> tuple[float, float]:
 
     def told(factor: float) -> float:
         found = innovations(solution, np.full(count, factor))
-        return -np.inf if found is None else log_likelihood(found)
+        return -np.inf if found is None else log_likelihood(found) + found.first_states
 
     if not count or not np.isfinite(first := told(1.0)):
         return 0.0, 1.0

@@ -33,6 +33,7 @@ AGAIN, WORTH = 5, 1.0  # times that the model as it is is fitted once more, at m
 LOST = 0.2  # of what an effect gained, that sharp corners may cost
 ASTRAY = 0.1  # of the forces at a body that no output shows: with as much left over its parameters may have gone anywhere
 OWED = 0.25  # of the time that is left: as much at most is kept for the scores after a round's fits
+AS_IT_IS, TURNS = 1e-4, 3  # relative difference of a number that need not be moved, nor by a deviation; times that it is, at most
 FINER = 1.2  # times as many intervals: a mesh on which numbers are others
 
 INCOMPARABLE = (
@@ -234,16 +235,21 @@ class Search(State):
 
         Of rounding it may be a little worse: no machine has such corners, and wide ones pass for what contacts have besides stiffness.
         """
-        if not (c.later or c.rounded):
-            return
         free: dict[str, Free | float] = {name: Free(*bounds) for name, bounds in c.later.items()}
-        for name, (whole, share) in c.rounded.items():
-            free[name] = share * self.result.parameters[whole].value
-        problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
-        found = self.again(problem, f"{c.title}, as it was found")
         least = -LOST * self.standing.findings[-1].gain if c.rounded else 0.0
-        if found is not None and (more := self.worth(problem, found).over(self.now)) > least:
-            self.standing = self.standing.at(problem, found).gaining(more)
+        for turn in range(TURNS):
+            now = self.result.parameters
+            for name, (whole, share) in c.rounded.items():
+                value, std = share * now[whole].value, share * (now[whole].std or 0.0)
+                if abs(value - now[name].value) > max(std, AS_IT_IS * abs(value)):
+                    free[name] = value
+            if not free:
+                return
+            problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
+            found = self.again(problem, f"{c.title}, as it was found" + (f", {turn + 1}" if turn else ""))
+            if found is None or not (more := self.worth(problem, found).over(self.now)) > least:
+                return
+            self.standing, free = self.standing.at(problem, found).gaining(more), {}
 
     def _limits(self, scored: Round) -> None:
         """What could not have been seen, and what is left over."""
