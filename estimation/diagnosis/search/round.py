@@ -19,7 +19,7 @@ from ..evidence.worth import Worth, gains
 from ..scores.onsets import dated, late, moved
 from ..scores.score import Linearised
 from ..scores.screen import Screen, Screened, identifiable, screen
-from ..scores.shares import FLOOR, Sizes
+from ..scores.shares import FLOOR, Sizes, left_over
 from ..scores.supermodel import looked_at
 from .choice import (
     CLEAR,
@@ -168,6 +168,7 @@ class Round:
         self._fit([(s.candidate, s) for s in richer], now)
         self._fit_where([(c, None, there) for c, there in self._plainer_than_fitted()], now)
         self._fit_where([(s.candidate, s, there) for s, there in self._late_as_another()], now)
+        self._fit([(c, None) for c in self._late_elsewhere()], now)
 
     def _there(self, c: Candidate) -> bool:
         """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
@@ -214,6 +215,20 @@ class Round:
             as_late = {own: float(np.clip(there.parameters[path].value, low, high))}
             found.append((replace(s, look=replace(s.look, shape=as_late), origin=s.origin or s), there))
         return found
+
+    def _late_elsewhere(self) -> list[Candidate]:
+        """Delays on the other side of the machine where the best fit is of something late and leaves as much over as matters.
+
+        A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs.
+        """
+        c, _, f = max(self.fitted, key=lambda fit: fit[2].gain, default=(None, None, None))
+        if c is None or c.physics not in LATE or f is None or not f.gain > CLEAR or f.problem is None or (whole := f.whole) is None:
+            return []
+        if not max(left_over(f.problem, whole).values(), default=0.0) > FLOOR:
+            return []
+        tried = {o.key for o, _, _ in self.fitted}
+        delays = (o for o in self.candidates if o.physics in ("input_delay", "sensor_delay") and o.key not in tried)
+        return [o for o in delays if o.family != c.family and not self._there(o)]
 
     def _fit_where(self, wanted: Sequence[tuple[Candidate, Screened | None, Smoothing]], now: Worth) -> None:
         """Fits of candidates from where others came to rest."""

@@ -101,6 +101,22 @@ def test_a_delay_whose_fit_was_lost_is_fitted_from_where_a_lag_came_to_rest():
     assert [s.candidate.physics for s, _ in scored._late_as_another()] == ["sensor_lag"]  # now that one is tried from there
 
 
+@pytest.mark.parametrize(("f_c", "is_fitted"), [(20.0, True), (0.0, False)])
+def test_where_a_late_input_leaves_much_over_late_sensors_are_fitted_whatever_their_scores(f_c: float, is_fitted: bool):
+    """A sensor that is three samples late; nothing tells it from an input that is, unless friction is missing, too."""
+    made = run(1.0, f_c=f_c)
+    x = made.outputs["x"]
+    problem = posed(replace(made, outputs={"x": np.concatenate([np.full(3, x[0]), x[:-3]])}), W={})
+    result = smoothing(problem, settings=QUICKLY)
+    scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
+    late = next(s for s in scored.found.found if s.candidate.physics == "input_delay")
+    scored._fit([(late.candidate, late)], now)
+    scored.fitted = [(c, s, replace(f, gain=90.0)) for c, s, f in scored.fitted]
+    assert [c.physics for c in scored._late_elsewhere()] == ["sensor_delay"] * is_fitted
+    scored.fitted = [(c, s, replace(f, gain=0.0)) for c, s, f in scored.fitted]
+    assert scored._late_elsewhere() == []
+
+
 def test_fits_anew_begin_at_the_guesses_that_were_given():
     problem = posed(run(0.2, 2e-3))
     scored = begun(problem, smoothing(problem, settings=QUICKLY))
