@@ -38,11 +38,11 @@ from .choice import (
     stood_for,
 )
 from .elimination import Bare
-from .findings import Judged, fitted_strengths
+from .findings import AS_MUCH, Judged, fitted_strengths
 from .fits import Base, Fits
 from .indistinct import indistinct
 from .left_over import UNEXPLAINED
-from .refit import at_work, bared, hidden, holds, settled, worth_of
+from .refit import Fitted, at_work, bared, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
 from .runaway import unheld
 
@@ -217,18 +217,24 @@ class Round:
         return found
 
     def _late_elsewhere(self) -> list[Candidate]:
-        """Delays on the other side of the machine where the best fit is of something late and leaves as much over as matters.
+        """Delays on the other side of the machine where something late has the best score, or nearly, and no fit explains what matters.
 
         A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs.
         """
-        c, _, f = max(self.fitted, key=lambda fit: fit[2].gain, default=(None, None, None))
-        if c is None or c.physics not in LATE or f is None or not f.gain > CLEAR or f.problem is None or (whole := f.whole) is None:
+        most = max((s.gain for _, s, _ in self.fitted if s is not None), default=0.0)
+        late = {c.family for c, s, _ in self.fitted if c.physics in LATE and s is not None and s.gain >= AS_MUCH * most}
+        _, _, best = max(self.fitted, key=lambda fit: fit[2].gain, default=(None, None, None))
+        if not late or best is None or self._explains(best):
             return []
-        if not max(left_over(f.problem, whole).values(), default=0.0) > FLOOR:
-            return []
-        tried = {o.key for o, _, _ in self.fitted}
-        delays = (o for o in self.candidates if o.physics in ("input_delay", "sensor_delay") and o.key not in tried)
-        return [o for o in delays if o.family != c.family and not self._there(o)]
+        tried = {c.key for c, _, _ in self.fitted}
+        delays = (c for c in self.candidates if c.physics in ("input_delay", "sensor_delay") and c.key not in tried)
+        return [c for c in delays if c.family not in late and not self._there(c)]
+
+    def _explains(self, f: Fitted) -> bool:
+        """Whether a fit gains and leaves nothing over that matters."""
+        if not f.gain > CLEAR or f.problem is None or (whole := f.whole) is None:
+            return False
+        return not max(left_over(f.problem, whole).values(), default=0.0) > FLOOR
 
     def _fit_where(self, wanted: Sequence[tuple[Candidate, Screened | None, Smoothing]], now: Worth) -> None:
         """Fits of candidates from where others came to rest."""

@@ -102,7 +102,7 @@ def test_a_delay_whose_fit_was_lost_is_fitted_from_where_a_lag_came_to_rest():
 
 
 @pytest.mark.parametrize(("f_c", "is_fitted"), [(20.0, True), (0.0, False)])
-def test_where_a_late_input_leaves_much_over_late_sensors_are_fitted_whatever_their_scores(f_c: float, is_fitted: bool):
+def test_where_a_late_input_is_likely_and_leaves_much_over_late_sensors_are_fitted_whatever_their_scores(f_c: float, is_fitted: bool):
     """A sensor that is three samples late; nothing tells it from an input that is, unless friction is missing, too."""
     made = run(1.0, f_c=f_c)
     x = made.outputs["x"]
@@ -113,7 +113,10 @@ def test_where_a_late_input_leaves_much_over_late_sensors_are_fitted_whatever_th
     scored._fit([(late.candidate, late)], now)
     scored.fitted = [(c, s, replace(f, gain=90.0)) for c, s, f in scored.fitted]
     assert [c.physics for c in scored._late_elsewhere()] == ["sensor_delay"] * is_fitted
-    scored.fitted = [(c, s, replace(f, gain=0.0)) for c, s, f in scored.fitted]
+    scored.fitted = [(c, s, Fitted(candidate=c, failed="lost")) for c, s, _ in scored.fitted]
+    assert [c.physics for c in scored._late_elsewhere()] == ["sensor_delay"]
+    better = screened("carriage", "viscous_friction", 2.0 * late.gain)
+    scored.fitted.append((better.candidate, better, Fitted(candidate=better.candidate, failed="lost")))
     assert scored._late_elsewhere() == []
 
 
