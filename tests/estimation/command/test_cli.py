@@ -174,7 +174,7 @@ def test_smooth_says_whether_the_errors_are_white_and_how_well_the_model_explain
     assert fit["normality_p"] > 0.001
     assert fit["samples"] == len(T)
     assert 0.3 * len(T) < fit["effective_samples"] <= len(T)
-    assert set(result["criteria"]) == {"log_evidence", "log_likelihood", "aic", "bic", "effective_parameters", "samples"}
+    assert set(result["criteria"]) == {"log_evidence", "log_likelihood", "first_states", "aic", "bic", "effective_parameters", "samples"}
     assert result["criteria"]["samples"] == len(T)
     assert result["profile"] == {}
 
