@@ -82,8 +82,9 @@ def diagnose(
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
-        if loud and not large:  # what passed for noise may have had inertias stand for it
-            steadied, as_said, large = _held(with_inertias_near, steadied, as_said, based)
+        if loud:  # what passed for noise may have had inertias stand for it
+            steadied, as_said, larger = _held(with_inertias_near, steadied, as_said, based)
+            large = " ".join(said for said in (large, larger) if said)
         now, straight = with_better_hold(steadied, problem.model, as_said, based)
         search = Search(
             standing=Standing(problem=now.problem, model=problem.model, result=now.result),

@@ -19,7 +19,7 @@ from ..problem import Problem
 RIGID = 1e-4  # of the forces at a place, from interval to interval: a balance as good as this is exact
 GEOMETRY = {"m", "rad", "1"}  # units of what says where a force acts, how it is turned, or which part of it; others say how strong it is
 STIFFNESS = "N/m"
-POSITIONS = ("m", "rad")
+POSITIONS, TINY = ("m", "rad"), 1e-300
 LOOKED_AT = 500  # places of a recording where the forces are looked at
 
 
@@ -113,17 +113,17 @@ def white_forces(problem: Problem, followed: Followed, parameters: Array, *, bor
 def shown_of_ways(dae: Dae, velocity: str, followed: Followed, parameters: Array) -> float:
     """How far measured positions go, in their deviations, over a way of a body, at most [1/m or 1/rad]; 0 where none is measured.
 
-    velocity: name of the body's. By the rms velocities of both.
+    velocity: name of the body's. By the regression of their velocities on its.
     """
     rows = [k for k, q in enumerate(dae.outputs) if q.unit in POSITIONS]
     if not rows:
         return 0.0
-    of_body, of_samples = 0.0, np.zeros(len(rows))
+    of_body, together = np.zeros(len(rows)), np.zeros(len(rows))
     for number, horizon in enumerate(followed.horizons):
         times, y = horizon.changes, horizon.target[:, rows]
-        v = along(dae, dae.variables[velocity], followed, number, times, parameters)
-        moved = along(dae, dae.output[rows], followed, number, times, parameters)
-        precision = np.where(np.isfinite(y), horizon.target_std[:, rows] ** -2.0, 0.0)
-        of_body += float(np.sum(v**2))
-        of_samples += np.sum(np.gradient(moved, times, axis=1) ** 2, axis=1) * np.max(precision, axis=0)
-    return float(np.sqrt(np.max(of_samples) / of_body)) if of_body > 0 else 0.0
+        v = along(dae, dae.variables[velocity], followed, number, times, parameters)[0]
+        moved = np.gradient(along(dae, dae.output[rows], followed, number, times, parameters), times, axis=1)
+        precision = np.max(np.where(np.isfinite(y), 1.0 / horizon.target_std[:, rows], 0.0), axis=0)
+        of_body += np.where(precision > 0, float(v @ v), 0.0)
+        together += precision * (moved @ v)
+    return float(np.max(np.abs(together) / np.maximum(of_body, TINY)))

@@ -17,7 +17,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import blas, lapack, null_space
 
 from backsight.ocp import Solution
 
@@ -25,7 +25,6 @@ from ..smoothing.robust import RobustSolution
 from .chain import Chain, chain
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
-Mask = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
 
 DIFFUSE = 1e6  # standard deviation of beta beforehand, in units of what its own column tells: nothing is known
@@ -112,7 +111,7 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
         root: Array = np.zeros((k + np_, k + np_))
         root[:k, :k], root[k:, k:] = _weak(size), R
-        alone = ~np.any(known[:, 1:] != 0, axis=0)
+        unknown = _unknown(known[:, 1:])
         known = np.hstack([known, np.zeros((len(known), np_))])
         root, right = _absorbed(root, np.concatenate([np.zeros(k), d]), known)
         w, variance, root, right = _recursive(u, E, root, right)
@@ -125,7 +124,7 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         first += len(horizon.time)
         horizons.append(Innovations(errors=errors, log_densities=densities, u=u, E=E, steps=steps, log_roots=float(np.sum(log_roots))))
         first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
-        first_states += _unit_information(root[:k, :k], E[:, :k], alone)
+        first_states += _unit_information(root[:k, :k], E[:, :k], unknown)
         R, d = root[k:, k:], right[k:]
     return Filtered(
         horizons=tuple(horizons),
@@ -137,17 +136,25 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     )
 
 
-def _unit_information(R: Array, E: Array, unknown: Mask) -> float:
+def _unknown(known: Array) -> Array:
+    """Directions of the first states of which nothing is known, (k, n), by what is known, (rows, k): axes where rows are of one."""
+    rows = known[np.any(known != 0, axis=1)]
+    if np.all(np.count_nonzero(rows, axis=1) == 1):
+        return np.eye(known.shape[1])[:, ~np.any(rows != 0, axis=0)]
+    return np.asarray(null_space(rows / np.linalg.norm(rows, axis=1, keepdims=True)))
+
+
+def _unit_information(R: Array, E: Array, unknown: Array) -> float:
     """By how much an integral over first states is larger where as much is known of each beforehand as one sample tells, and not nothing.
 
-    R (k, k): root of the information on them; E (m, k): of the innovations; unknown (k,): of which nothing is known. With M the most that
-    one innovation tells, for these alone,  log |R| - 1/2 log det(R'R + M) + 1/2 log det(M / 2 pi). What is flat hangs on units, and where
-    a state is hardly told it is as large as anybody likes: a delay of no length would be worth a hundred nats.
+    R (k, k): root of the information on them; E (m, k): of the innovations; unknown (k, n): directions of which nothing is known. With M
+    the most that one innovation tells of each of these,  log |R| - 1/2 log det(R'R + N M N') + 1/2 log det(M / 2 pi). What is flat hangs
+    on units, and where a state is hardly told it is as large as anybody likes: a delay of no length would be worth a hundred nats.
     """
-    most = np.where(unknown, np.max(E**2, axis=0, initial=0.0), 0.0)
-    most = np.where(unknown & ~(most > 0), np.diag(R) ** 2, most)
-    _, log_det = np.linalg.slogdet(R.T @ R + np.diag(most))
-    own = float(np.sum(np.log(most[unknown] / (2.0 * np.pi))))
+    most = np.max((E @ unknown) ** 2, axis=0, initial=0.0)
+    most = np.where(most > 0, most, np.sum((R @ unknown) ** 2, axis=0))
+    _, log_det = np.linalg.slogdet(R.T @ R + (unknown * most) @ unknown.T)
+    own = float(np.sum(np.log(most / (2.0 * np.pi))))
     return float(np.sum(np.log(np.abs(np.diag(R)))) - 0.5 * log_det + 0.5 * own)
 
 

@@ -9,7 +9,7 @@ from ...problem import Free
 from ...results import Smoothing
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
-from .choice import CLEAR, DOUBTS, LATE, idle
+from .choice import CLEAR, DOUBTS, LATE, RIVAL, idle
 from .elimination import Bare, alone
 from .one_level import OneLevel
 from .refit import settled
@@ -90,13 +90,16 @@ def late_by_both(state: State) -> None:
     (path,) = new.named.values()
     free = state.problem.parameters[path]
     for k, old in reversed(list(enumerate(before))):
-        if old.physics not in LATE or old.key == new.key or not isinstance(free, Free) or state.fits.left == 0:
+        alike = old.place == new.place
+        if old.physics not in LATE or not isinstance(free, Free) or state.fits.left == 0:
+            continue
+        if old.key == new.key or not (alike or old.family != new.family):
             continue
         (other,) = old.named.values()
         whole = sum(state.result.parameters[name].value for name in (other, path))
         state.fits.say(f"{new.title} without {old.title}")
         found = state.without(k, begin={path: replace(free, guess=min(whole, free.max))})
-        if found is not None and state.worth(found.problem, found.result).over(state.now) > -CLEAR:
+        if found is not None and state.worth(found.problem, found.result).over(state.now) > (-CLEAR if alike else -RIVAL):
             state.standing = found.gaining(state.standing.findings[k].gain)
             return
 

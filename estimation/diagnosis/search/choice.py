@@ -135,8 +135,9 @@ def simplest_beside(s: Screened, others: Sequence[Screened]) -> Screened | None:
     """
     c = s.candidate
     there = [o for o in others if (o.candidate.place, o.candidate.family) == (c.place, c.family) and o.candidate.size < c.size]
-    least = 0.0 if c.physics == "presliding_friction" and not c.absorbs else WORTH * s.gain
-    return max((o for o in there if o.gain >= least), key=lambda o: o.gain, default=None)
+    if c.physics == "presliding_friction" and not c.absorbs:
+        return next((o for o in there if o.candidate.physics == "coulomb_friction"), None)
+    return max((o for o in there if o.gain >= WORTH * s.gain), key=lambda o: o.gain, default=None)
 
 
 def held_unseen(found: Screen, worth: Sequence[Screened], unseen: Collection[str]) -> list[Screened]:

@@ -24,6 +24,7 @@ from ..scores.supermodel import looked_at
 from .choice import (
     CLEAR,
     LATE,
+    MOST,
     as_good,
     chosen,
     coloured,
@@ -122,12 +123,12 @@ class Round:
             self._fit([(c, None) for left, c in couplings if left >= least], now)
         self.fitted = _best_of_each(self.fitted)
         good = self._borne_out(self.fitted)
-        if not good and most > FLOOR and (far := [c for left, c in couplings if left < least]):
-            good = self._borne_out(_best_of_each(self._alone(self.fits.candidates(self.base, [(c, None) for c in far]), now)))
         if not good and (constant := steady(self.base.result, self.candidates, self.sizes)):
             without = counted_out(self.base.result, all_of_them=True)[0] - counted_out(self.base.result)[0]
             fits = self.fits.candidates(self.base, [(c, None) for c in constant])
             good = self._borne_out(self._alone(fits, replace(now, nats=now.nats + without)))
+        if not good and most > FLOOR and (far := [c for left, c in couplings if left < least]):
+            good = self._borne_out(_best_of_each(self._alone(self.fits.candidates(self.base, [(c, None) for c in far]), now)))
         if moving and (nearer := self._from_a_fit(now, good)) is not None:
             return nearer
         if not good and hinted and alone:
@@ -223,12 +224,12 @@ class Round:
         """
         most = max((s.gain for _, s, _ in self.fitted if s is not None), default=0.0)
         late = {c.family for c, s, _ in self.fitted if c.physics in LATE and s is not None and s.gain >= AS_MUCH * most}
-        _, _, best = max(self.fitted, key=lambda fit: fit[2].gain, default=(None, None, None))
-        if not late or best is None or self._explains(best):
+        if not late or any(self._explains(f) for _, _, f in self.fitted):
             return []
-        tried = {c.key for c, _, _ in self.fitted}
+        tried, scores = {c.key for c, _, _ in self.fitted}, {id(s.candidate): s.gain for s in self.found.found}
         delays = (c for c in self.candidates if c.physics in ("input_delay", "sensor_delay") and c.key not in tried)
-        return [c for c in delays if c.family not in late and not self._there(c)]
+        others = [c for c in delays if c.family not in late and not self._there(c)]
+        return sorted(others, key=lambda c: -scores.get(id(c), 0.0))[:MOST]
 
     def _explains(self, f: Fitted) -> bool:
         """Whether a fit gains and leaves nothing over that matters."""

@@ -240,6 +240,8 @@ class Search(State):
         for turn in range(TURNS):
             now = self.result.parameters
             for name, (whole, share) in c.rounded.items():
+                if whole not in now or name not in now:
+                    continue  # every recording has its own
                 value, std = share * now[whole].value, share * (now[whole].std or 0.0)
                 if abs(value - now[name].value) > max(std, AS_IT_IS * abs(value)):
                     free[name] = value
@@ -247,7 +249,7 @@ class Search(State):
                 return
             problem = settled(replace(self.problem, parameters={**self.problem.parameters, **free}), self.result)
             found = self.again(problem, f"{c.title}, as it was found" + (f", {turn + 1}" if turn else ""))
-            if found is None or not (more := self.worth(problem, found).over(self.now)) > least:
+            if found is None or not (more := self.worth(problem, found).over(self.now)) > (-CLEAR if turn else least):
                 return
             self.standing, free = self.standing.at(problem, found).gaining(more), {}
 

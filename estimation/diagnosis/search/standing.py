@@ -75,7 +75,7 @@ class Standing:
         c, _, f = best.judged
         if f.problem is None or f.model is None or f.whole is None:
             raise ValueError(f"{c.title} has no fit")
-        refused = {t.explanation.key for t in scored.tried if t.refused}
+        refused = {t.explanation.key for t in scored.tried if t.refused} - {t.explanation.key for t in scored.tried if not t.refused}
         new = finding(scored.linearised, best.judged, scored.fitted, scored.found, scored.sizes, best.same, best.as_good, refused)
         stay = [not c.replaces(old) for old in self.accepted]
         for old in self.accepted:

@@ -107,7 +107,8 @@ def test_beside_asperities_where_there_is_no_friction_yet_that_which_yields_by_n
     """By the scores it gains less than half as much: there they bend far."""
     yielding, level = screened("joint", "presliding_friction", 130.0, size=2), screened("joint", "coulomb_friction", 60.0)
     yielding = replace(yielding, look=replace(yielding.look, candidate=replace(yielding.candidate, absorbs=absorbs)))
-    assert (simplest_beside(yielding, [yielding, level]) is level) is is_fitted
+    slowing = screened("joint", "viscous_friction", 64.0)
+    assert (simplest_beside(yielding, [yielding, slowing, level]) is level) is is_fitted
 
 
 @pytest.mark.parametrize(("gain", "is_fitted"), [(50.0, True), (20.0, False)])

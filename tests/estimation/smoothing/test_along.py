@@ -81,6 +81,20 @@ def test_of_a_way_the_sensor_that_moves_most_in_its_deviations_shows_most(sample
     assert shown == pytest.approx(0.5 / 1e-6 if sampled else 1.0 / 1e-5, rel=0.01)
 
 
+def test_a_sensor_of_another_body_shows_nothing_of_a_way():
+    """The second body swings ten times as far as the first, at another pace, and is sampled as well."""
+    t = np.linspace(0.0, 4.0, 4001)
+    phi = {"phi_1": 0.002 * np.sin(OMEGA * t), "phi_2": 0.02 * np.sin(3 * OMEGA * t)}
+    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std=dict.fromkeys(phi, 1e-6))
+    drive = soft_drive()
+    connections = (*drive.connections, ("far.flange", "load.flange"))
+    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
+    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
+    problem = Problem(model=model, recordings=[recording])
+    trajectories = follow_closely(problem, output_stds(problem)[0], None)
+    assert shown_of_ways(problem.dae, "motor.omega", trajectories, problem.values) == pytest.approx(1e6, rel=0.01)
+
+
 @pytest.mark.parametrize("turned", [0.0, 100.0])
 def test_a_shaft_that_turns_bears_its_twist_and_not_its_angle(turned):
     """Two bodies that swing against each other, a hundred radians from where they began or not."""

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.program import Settings
+from backsight.estimation.validation.innovations import _unit_information, _unknown
 from backsight.models.plants import actuator
 
 N = 80
@@ -74,6 +75,22 @@ def test_as_much_may_be_known_of_first_states_as_the_sample_that_tells_most_of_e
     at_best = multivariate_normal.logpdf(y, MEAN + start @ best, C)
     integral = at_best + 0.5 * np.linalg.slogdet(M)[1] - 0.5 * np.linalg.slogdet(rows.T @ rows + M)[1]
     assert c.log_likelihood + c.first_states == pytest.approx(integral, abs=5e-3)
+
+
+def test_of_first_states_only_those_of_which_nothing_is_known_are_unknown_in_whatever_directions():
+    rng = np.random.default_rng(0)
+    E = rng.normal(size=(40, 3)) * [1.0, 1e3, 1e-4]
+    soft = np.array([[0.0, 5.0, 0.0]])
+    R = np.linalg.qr(np.vstack([E, soft]))[1]
+    axes = _unknown(np.vstack([soft, np.zeros((2, 3))]))
+    assert axes.tolist() == np.eye(3)[:, [0, 2]].tolist()
+    M = np.max(E[:, [0, 2]] ** 2, axis=0)
+    whole = R.T @ R + np.diag([M[0], 0.0, M[1]])
+    expected = 0.5 * np.linalg.slogdet(R.T @ R)[1] - 0.5 * np.linalg.slogdet(whole)[1] + 0.5 * np.sum(np.log(M / (2 * np.pi)))
+    assert _unit_information(R, E, axes) == pytest.approx(expected, rel=1e-9)
+    tied = _unknown(np.array([[1.0, 1.0, 0.0]]))  # a sum that is known: two directions are not
+    assert tied.shape == (3, 2)
+    np.testing.assert_allclose(np.array([1.0, 1.0, 0.0]) @ tied, 0.0, atol=1e-12)
 
 
 def test_effective_parameters_are_the_trace_of_the_hat_matrix_and_penalise_a_density_given_the_fit():
