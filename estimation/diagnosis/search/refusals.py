@@ -17,7 +17,7 @@ from ..answer.verdict import TOO_SMALL, Finding, Tried
 from ..candidates.candidate import Candidate
 from ..scores.screen import Screen, Screened
 from ..scores.shares import FLOOR, Sizes, leaves_more
-from .choice import SIGNALS, amiss, clear, sound
+from .choice import LATE, SIGNALS, amiss, clear, sound
 from .findings import Judged, explained, fitted_strengths
 from .refit import Fitted
 
@@ -25,6 +25,7 @@ DETAIL = 0.05  # of what a coupling gained: what acts within it and gains less m
 SIMPLE = {"d": "viscous_friction", "f_c": "coulomb_friction", "tau_c": "coulomb_friction"}  # by what they are in a base law
 VISCOUS = ("d", "d_plus", "d_minus")
 ONE_WAY = ("f_plus", "f_minus", "tau_plus", "tau_minus")
+HARDLY_LATE = 0.05  # of a sampling interval, where the fit of what is late begins
 YIELDS = 3.0  # standard deviations of a position, by which asperities have to bend to be told from ones that do not
 SLIDES = 0.01  # of all that a body slides: by less than that nothing is known of a direction
 LARGE, SEEN = 10.0, 0.1  # times all that varies at its place, and part of it that was left over there before: see `stands_in`
@@ -100,7 +101,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
 
     Play by what its coupling bears differently, k gap/2: less than half of that mends what a mesh of one interval a sample cannot
     follow. Several strengths, and waves, by what the fit made of them; others by what they were at their score: an effect goes with its
-    one strength, and a dead zone's with its width. A parameter that is wrong by a share that matters is never slight.
+    one strength, and a dead zone's with its width. What is late by less than a part of a sampling interval is on time: no clock and no
+    simulation is better. A parameter that is wrong by a share that matters is never slight.
     """
     if f.result is None:
         return False
@@ -109,6 +111,10 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
         gap, k = (f.result.parameters.get(f"{spot}.{word}") for word in ("gap", "k"))
         known = [size for size in sizes.forces.values() if np.isfinite(size)]
         return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
+    if c.physics in LATE:
+        there = ((f.result.parameters.get(path), c.start[path][0]) for path in c.named.values() if path in c.start)
+        if any(p is not None and p.value < HARDLY_LATE * interval for p, interval in there):
+            return True
     if s is None:
         return False
     if (len(c.strengths) > 1 or (c.quadrature and "period" in c.named)) and not (c.signals or c.absorbs or c.ratio):

@@ -12,6 +12,7 @@ from screened import screened
 
 from backsight.estimation import Free, Recording, Smoothing, Weights, smooth
 from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal, Since
+from backsight.estimation.diagnosis.candidates.channels import of_sensor
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.candidates.places import bodies
@@ -227,6 +228,14 @@ def test_friction_that_yields_over_a_short_way_is_weighed_as_a_whole_beside_that
     fit, (few, many) = Fitted(candidate=c, result=result), (found.shapes[id(c)][k] for k in (0, -1))
     assert refining(c, few, fit, result, sizes, found)
     assert not refining(c, many, fit, result, sizes, found)
+
+
+@pytest.mark.parametrize(("delay", "is_nothing"), [(4e-5, True), (6e-5, False)])
+def test_what_is_late_by_a_twentieth_of_a_sampling_interval_is_on_time(delay, is_nothing):
+    (c,) = (c for c in of_sensor(actuator(), "x", [], 1e-3, 1.0, scaled=False, span=None) if c.physics == "sensor_delay")
+    told = {name: SimpleNamespace(name=name, value=delay) for name in c.named.values()}
+    sizes = SimpleNamespace(forces={"carriage": 60.0})
+    assert slight(c, None, Fitted(candidate=c, result=SimpleNamespace(parameters=told)), sizes) is is_nothing
 
 
 @pytest.mark.parametrize(("way", "is_it"), [(4e-6, True), (2e-5, False)])
