@@ -112,8 +112,8 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
         known = [size for size in sizes.forces.values() if np.isfinite(size)]
         return gap is not None and k is not None and bool(known) and k.value * gap.value / 2 < FLOOR / 2 * min(known)
     if c.physics in LATE:
-        there = ((f.result.parameters.get(path), c.start[path][0]) for path in c.named.values() if path in c.start)
-        if any(p is not None and p.value < HARDLY_LATE * interval for p, interval in there):
+        told = ((f.result.parameters.get(path), c.start[path][0]) for path in c.named.values() if path in c.start)
+        if any(p is not None and p.value < HARDLY_LATE * interval for p, interval in told):
             return True
     if s is None:
         return False
