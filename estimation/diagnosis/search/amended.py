@@ -89,11 +89,12 @@ def late_by_both(state: State) -> None:
     *before, new = state.standing.accepted
     (path,) = new.named.values()
     free = state.problem.parameters[path]
+    if not isinstance(free, Free):
+        return
     for k, old in reversed(list(enumerate(before))):
         alike = old.place == new.place
-        if old.physics not in LATE or not isinstance(free, Free) or state.fits.left == 0:
-            continue
-        if old.key == new.key or not (alike or old.family != new.family):
+        asked = old.physics in LATE and old.key != new.key and (alike or old.family != new.family)
+        if not asked or state.fits.left == 0:
             continue
         (other,) = old.named.values()
         whole = sum(state.result.parameters[name].value for name in (other, path))

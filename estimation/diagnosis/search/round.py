@@ -169,7 +169,7 @@ class Round:
         self._fit([(s.candidate, s) for s in richer], now)
         self._fit_where([(c, None, there) for c, there in self._plainer_than_fitted()], now)
         self._fit_where([(s.candidate, s, there) for s, there in self._late_as_another()], now)
-        self._fit([(c, None) for c in self._late_elsewhere()], now)
+        self._fit([(c, None) for c in self._late_unheard()], now)
 
     def _there(self, c: Candidate) -> bool:
         """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
@@ -217,7 +217,7 @@ class Round:
             found.append((replace(s, look=replace(s.look, shape=as_late), origin=s.origin or s), there))
         return found
 
-    def _late_elsewhere(self) -> list[Candidate]:
+    def _late_unheard(self) -> list[Candidate]:
         """Delays on the other side of the machine where something late has the best score, or nearly, and no fit explains what matters.
 
         A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs.

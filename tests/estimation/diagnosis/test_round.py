@@ -112,12 +112,12 @@ def test_where_a_late_input_is_likely_and_leaves_much_over_late_sensors_are_fitt
     late = next(s for s in scored.found.found if s.candidate.physics == "input_delay")
     scored._fit([(late.candidate, late)], now)
     scored.fitted = [(c, s, replace(f, gain=90.0)) for c, s, f in scored.fitted]
-    assert [c.physics for c in scored._late_elsewhere()] == ["sensor_delay"] * is_fitted
+    assert [c.physics for c in scored._late_unheard()] == ["sensor_delay"] * is_fitted
     scored.fitted = [(c, s, Fitted(candidate=c, failed="lost")) for c, s, _ in scored.fitted]
-    assert [c.physics for c in scored._late_elsewhere()] == ["sensor_delay"]
+    assert [c.physics for c in scored._late_unheard()] == ["sensor_delay"]
     better = screened("carriage", "viscous_friction", 2.0 * late.gain)
     scored.fitted.append((better.candidate, better, Fitted(candidate=better.candidate, failed="lost")))
-    assert scored._late_elsewhere() == []
+    assert scored._late_unheard() == []
 
 
 def test_fits_anew_begin_at_the_guesses_that_were_given():

@@ -32,6 +32,18 @@ def followed(mass: float):
     return problem, follow_closely(problem, stds, None)
 
 
+def two_encoders(t: np.ndarray, phi: dict[str, np.ndarray], std: dict[str, float]):
+    """A motor and a load with a soft shaft between them and an encoder at either, that move so."""
+    drive = soft_drive()
+    connections = (*drive.connections, ("far.flange", "load.flange"))
+    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
+    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
+    output_std = {name: std[name] for name in phi}
+    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std=output_std)
+    problem = Problem(model=model, recordings=[recording])
+    return problem, follow_closely(problem, output_stds(problem)[0], None)
+
+
 @pytest.mark.parametrize("mass", [M, 1.0])
 def test_the_largest_term_of_a_balance_counts(mass):
     problem, trajectories = followed(mass)
@@ -70,13 +82,7 @@ def test_of_a_way_the_sensor_that_moves_most_in_its_deviations_shows_most(sample
     phi = {"phi_1": 0.02 * np.sin(OMEGA * t), "phi_2": -0.01 * np.sin(OMEGA * t)}
     phi = phi if sampled else {"phi_1": phi["phi_1"]}
     std = {"phi_1": 1e-5, "phi_2": 1e-6}
-    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std={name: std[name] for name in phi})
-    drive = soft_drive()
-    connections = (*drive.connections, ("far.flange", "load.flange"))
-    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
-    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
-    problem = Problem(model=model, recordings=[recording])
-    trajectories = follow_closely(problem, output_stds(problem)[0], None)
+    problem, trajectories = two_encoders(t, phi, std)
     shown = shown_of_ways(problem.dae, "motor.omega", trajectories, problem.values)
     assert shown == pytest.approx(0.5 / 1e-6 if sampled else 1.0 / 1e-5, rel=0.01)
 
@@ -85,13 +91,7 @@ def test_a_sensor_of_another_body_shows_nothing_of_a_way():
     """The second body swings ten times as far as the first, at another pace, and is sampled as well."""
     t = np.linspace(0.0, 4.0, 4001)
     phi = {"phi_1": 0.002 * np.sin(OMEGA * t), "phi_2": 0.02 * np.sin(3 * OMEGA * t)}
-    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std=dict.fromkeys(phi, 1e-6))
-    drive = soft_drive()
-    connections = (*drive.connections, ("far.flange", "load.flange"))
-    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
-    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
-    problem = Problem(model=model, recordings=[recording])
-    trajectories = follow_closely(problem, output_stds(problem)[0], None)
+    problem, trajectories = two_encoders(t, phi, dict.fromkeys(phi, 1e-6))
     assert shown_of_ways(problem.dae, "motor.omega", trajectories, problem.values) == pytest.approx(1e6, rel=0.01)
 
 
@@ -100,13 +100,7 @@ def test_a_shaft_that_turns_bears_its_twist_and_not_its_angle(turned):
     """Two bodies that swing against each other, a hundred radians from where they began or not."""
     t = np.linspace(0.0, 2.0, 2001)
     phi = {"phi_1": turned + 0.02 * np.sin(OMEGA * t), "phi_2": turned - 0.01 * np.sin(OMEGA * t)}
-    recording = Recording(name="swing", time=t, inputs={"tau": 0.0 * t}, outputs=phi, output_std=dict.fromkeys(phi, 1e-6))
-    drive = soft_drive()
-    connections = (*drive.connections, ("far.flange", "load.flange"))
-    outputs = {"phi_1": "encoder.phi", "phi_2": "far.phi"}
-    model = replace(drive, components={**drive.components, "far": AngleSensor()}, connections=connections, outputs=outputs)
-    problem = Problem(model=model, recordings=[recording])
-    trajectories = follow_closely(problem, output_stds(problem)[0], None)
+    problem, trajectories = two_encoders(t, phi, dict.fromkeys(phi, 1e-6))
     sizes = forces(problem, trajectories, problem.values)
     assert list(sizes.values()) == pytest.approx([40.0 * 0.03 / np.sqrt(2)] * 2, rel=0.01)  # k times the twist
 
