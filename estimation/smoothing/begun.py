@@ -21,6 +21,7 @@ from backsight.ocp.passing import passing_through
 
 from ..problem import Free, Problem
 from .along import along
+from .horizons import beginning
 from .rest import strengths_at_rest
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -96,9 +97,7 @@ class Begun:
         followed = followed_by(solution)
         unknown = [*zip(ca.vertsplit(dae.x), dae.states, strict=True), *zip(ca.vertsplit(dae.z), dae.algebraics, strict=True)]
         sources = [_source(old, [q.name, *_same(dae, symbol)], q.start) for symbol, q in unknown]
-        horizons = tuple(
-            replace(h, initial=_named(old, dae, h.initial, 0.0), initial_std=_named(old, dae, h.initial_std, np.inf)) for h in t.horizons
-        )
+        horizons = tuple(beginning(h, dae, problem.known_at(piece)) for h, piece in zip(t.horizons, problem.fitted, strict=True))
 
         def curve(number: int, times: Array) -> tuple[Array, Array]:
             rows = [source(followed, number, times, solution.parameters) for source in sources]
@@ -150,12 +149,6 @@ def _variable(old: Dae, expression: Any, followed: Followed, number: int, times:
 
 def _constant(value: float, _: Followed, __: int, times: Array, ___: Array) -> Array:
     return np.full(len(times), value)
-
-
-def _named(old: Dae, dae: Dae, values: Array, otherwise: float) -> Array:
-    """What belongs to the old model's states, for the new one's."""
-    there = {q.name: v for q, v in zip(old.states, values, strict=True)}
-    return np.array([there.get(q.name, otherwise) for q in dae.states])
 
 
 def _sooner(followed: Followed, by: float) -> Followed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -98,15 +99,15 @@ def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initi
             target[:, i], target_std[:, i] = recording.outputs[output.name], std[output.name]
     # times from the recording's own start: a clock that counts from 1970 would cost digits
     time = recording.time - recording.time[0]
-    drive = drive_of(recording)
+    drive, (known, known_std) = drive_of(recording), _start(dae, initial)
     return Horizon(
         mesh=mesh_over(time, step),
         time=time,
         inputs=np.column_stack([drive.inputs[q.name] for q in dae.inputs]) if dae.inputs else np.empty((len(drive.time), 0)),
         target=target,
         target_std=target_std,
-        initial=np.array([initial[q.name].value if q.name in initial else 0.0 for q in dae.states]),
-        initial_std=np.array([initial[q.name].std if q.name in initial else np.inf for q in dae.states]),
+        initial=known,
+        initial_std=known_std,
         clock=float(recording.time[0]),
         hold=recording.hold,
         drive_time=drive.time - recording.time[0] if recording.drive is not None else None,
@@ -128,3 +129,15 @@ def sample_density(dae: Dae, recording: Recording, std: Mapping[str, float]) -> 
             if count:
                 out[i] = std[q.name] ** 2 * span / count
     return out
+
+
+def beginning(horizon: Horizon, dae: Dae, initial: Mapping[str, Known]) -> Horizon:
+    """The horizon of another model; initial: what is known of its start."""
+    known, std = _start(dae, initial)
+    return replace(horizon, initial=known, initial_std=std)
+
+
+def _start(dae: Dae, initial: Mapping[str, Known]) -> tuple[Array, Array]:
+    """Value and std of all states at the start; std inf: nothing is known."""
+    known = [initial.get(q.name) for q in dae.states]
+    return np.array([k.value if k else 0.0 for k in known]), np.array([k.std if k else np.inf for k in known])

@@ -70,7 +70,7 @@ class Filtered:
     """All horizons, and what the marginal likelihood needs beside them.
 
     first_root: sum of log |R_jj|, R'R the information on the first states given the parameters. first_states: what integrals over those of
-    which nothing is known gain by as much as the sample that tells most of each (`_unit_information`). parameter_root (np, np): R of the
+    which less is known gain by as much as the sample that tells most of each (`_unit_information`). parameter_root (np, np): R of the
     parameters. squares: sum of the squared prediction errors, with those that tell beta.
     determined: whether the data determine all of them.
     """
@@ -111,9 +111,8 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         size = np.sqrt(np.sum(E[:, :k] ** 2, axis=0) + np.sum(known[:, 1:] ** 2, axis=0))
         root: Array = np.zeros((k + np_, k + np_))
         root[:k, :k], root[k:, k:] = _weak(size), R
-        unknown = _unknown(known[:, 1:])
-        known = np.hstack([known, np.zeros((len(known), np_))])
-        root, right = _absorbed(root, np.concatenate([np.zeros(k), d]), known)
+        right = np.concatenate([np.zeros(k), d])
+        root, right = _absorbed(root, right, np.hstack([known, np.zeros((len(known), np_))]))
         w, variance, root, right = _recursive(u, E, root, right)
         squares += float(w @ w)
         errors = np.full((len(horizon.time), len(t.dae.outputs)), np.nan)
@@ -124,7 +123,7 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
         first += len(horizon.time)
         horizons.append(Innovations(errors=errors, log_densities=densities, u=u, E=E, steps=steps, log_roots=float(np.sum(log_roots))))
         first_root += float(np.sum(np.log(np.abs(np.diag(root)[:k]))))
-        first_states += _unit_information(root[:k, :k], E[:, :k], unknown)
+        first_states += _unit_information(root[:k, :k], E[:, :k], known)
         R, d = root[k:, k:], right[k:]
     return Filtered(
         horizons=tuple(horizons),
@@ -136,26 +135,50 @@ def innovations(solution: Solution, factors: Array | None = None) -> Filtered | 
     )
 
 
-def _unknown(known: Array) -> Array:
-    """Directions of the first states of which nothing is known, (k, n), by what is known, (rows, k): axes where rows are of one."""
-    rows = known[np.any(known != 0, axis=1)]
-    if np.all(np.count_nonzero(rows, axis=1) == 1):
-        return np.eye(known.shape[1])[:, ~np.any(rows != 0, axis=0)]
-    return np.asarray(null_space(rows / np.linalg.norm(rows, axis=1, keepdims=True)))
+def _unit_information(R: Array, E: Array, known: Array) -> float:
+    """By how much an integral over first states is larger where of each as much is known beforehand as one sample tells, at least.
 
+    R (k, k): root of the information on them; E (m, k): of the innovations; known (rows, 1 + k): what was known, [r | derivative]. Of those
+    directions N (k, n) of which less was known, P (n,), than the most that one innovation tells, M,
 
-def _unit_information(R: Array, E: Array, unknown: Array) -> float:
-    """By how much an integral over first states is larger where as much is known of each beforehand as one sample tells, and not nothing.
+        log |R| - 1/2 log det(R'R + N (M - P) N') + 1/2 log det(M / 2 pi) - 1/2 log det(P / 2 pi) + 1/2 r'r        (P not where it is zero)
 
-    R (k, k): root of the information on them; E (m, k): of the innovations; unknown (k, n): directions of which nothing is known. With M
-    the most that one innovation tells of each of these,  log |R| - 1/2 log det(R'R + N M N') + 1/2 log det(M / 2 pi). What is flat hangs
-    on units, and where a state is hardly told it is as large as anybody likes: a delay of no length would be worth a hundred nats.
+    What is flat hangs on units, and where a state is hardly told it is as large as anybody likes: a delay of no length would be worth a
+    hundred nats.
     """
-    most = np.max((E @ unknown) ** 2, axis=0, initial=0.0)
-    most = np.where(most > 0, most, np.sum((R @ unknown) ** 2, axis=0))
-    _, log_det = np.linalg.slogdet(R.T @ R + (unknown * most) @ unknown.T)
-    own = float(np.sum(np.log(most / (2.0 * np.pi))))
+    N, P, squares = _hardly_known(known)
+    most = np.max((E @ N) ** 2, axis=0, initial=0.0)
+    most = np.where(most > 0, most, np.sum((R @ N) ** 2, axis=0))
+    less = most > P
+    N, P, most, squares = N[:, less], P[less], most[less], squares[less]
+    _, log_det = np.linalg.slogdet(R.T @ R + (N * (most - P)) @ N.T)
+    own = float(np.sum(np.log(most / (2.0 * np.pi))) - np.sum(np.log(P[P > 0] / (2.0 * np.pi))) + np.sum(squares))
     return float(np.sum(np.log(np.abs(np.diag(R)))) - 0.5 * log_det + 0.5 * own)
+
+
+def _hardly_known(known: Array) -> tuple[Array, Array, Array]:
+    """Directions of the first states (k, n), the information on them (n,) and the squares that it costs (n,).
+
+    known: rows, (rows, 1 + k), of what is known of them.
+
+    An axis that no row has together with others is one; of the rest those of which nothing is known.
+    """
+    rows = known[np.any(known[:, 1:] != 0, axis=1)]
+    r, derivative = rows[:, 0], rows[:, 1:]
+    axes = np.eye(derivative.shape[1])
+    together = np.any(derivative[np.count_nonzero(derivative, axis=1) > 1] != 0, axis=0)
+    information, squares = np.sum(derivative**2, axis=0), np.sum((r[:, None] * (derivative != 0)) ** 2, axis=0)
+    if not np.any(together):
+        return axes, information, squares
+    joint = derivative[:, together]
+    joint = joint[np.any(joint != 0, axis=1)]
+    free = axes[:, together] @ null_space(joint / np.linalg.norm(joint, axis=1, keepdims=True))
+    nothing = np.zeros(free.shape[1])
+    return (
+        np.hstack([axes[:, ~together], free]),
+        np.concatenate([information[~together], nothing]),
+        np.concatenate([squares[~together], nothing]),
+    )
 
 
 def scale_of_samples(solution: Solution) -> Array:

@@ -33,6 +33,7 @@ from ...smoothing.smoother import smoothing
 from ...smoothing.unseen import moving_unseen
 from ...supposed import left_out
 from ..candidates.candidate import Candidate
+from ..candidates.memory import remembered
 from ..evidence.held import rescaled
 from ..evidence.latent import held_there, without_force
 from ..evidence.offsets import counted_out, with_those_of
@@ -144,7 +145,7 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
         value = start.get(name, guess)
         parameters[name] = Free(float(np.clip(value, low, high)), low, high)
-    now = replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae))
+    now = replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae, remembered(problem, candidate)))
     return (_put_somewhere(now, candidate) if problem.split.stands or left_out(problem) else now), edited
 
 
@@ -163,10 +164,10 @@ def _put_somewhere(problem: Problem, candidate: Candidate) -> Problem:
     return replace(problem, parameters={**problem.parameters, **given})
 
 
-def known_of(problem: Problem, dae: Dae) -> dict[str, float | Known]:
-    """What a problem knows of the start, of the states that another model has: an edit may make another one stand for a joint."""
+def known_of(problem: Problem, dae: Dae, more: Mapping[str, Known] | None = None) -> dict[str, float | Known]:
+    """What is known of the start, of the states that another model has: an edit may make another one stand for a joint. more: beside it."""
     states = {q.name for q in dae.states}
-    return {name: value for name, value in problem.initial.items() if name in states}
+    return {name: value for name, value in {**(more or {}), **problem.initial}.items() if name in states}
 
 
 def begun(candidate: Candidate, screened: Screened | None, values: Mapping[str, float]) -> dict[str, float]:

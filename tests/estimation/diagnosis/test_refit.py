@@ -375,5 +375,6 @@ def test_first_states_that_hardly_anything_tells_are_no_evidence_in_whatever_uni
             held = replace(problem, parameters={**problem.parameters, name: late})
             found[c.physics] = evidence(held, smooth(held, settings=QUICKLY))
     before = evidence(bare, smooth(bare, settings=QUICKLY))
-    assert found["input_delay"] - found["sensor_delay"] == pytest.approx(0.0, abs=3.0)
+    # what was in a late input before is of its size, and in a late sensor nobody knows any better
+    assert found["input_delay"] - found["sensor_delay"] == pytest.approx(0.0, abs=1.0 + 0.015 * abs(found["sensor_delay"] - before))
     assert (found["input_delay"] - before == pytest.approx(0.0, abs=3.0)) is (late < 1e-4)

@@ -7,9 +7,9 @@ import pytest
 from linear_runs import PLANT, STD, STEP, dense, many, problem
 from scipy.stats import multivariate_normal
 
-from backsight.estimation import Free, Problem, Recording, Weights, smooth
+from backsight.estimation import Free, Known, Problem, Recording, Weights, smooth
 from backsight.estimation.smoothing.program import Settings
-from backsight.estimation.validation.innovations import _unit_information, _unknown
+from backsight.estimation.validation.innovations import _unit_information
 from backsight.models.plants import actuator
 
 N = 80
@@ -77,20 +77,43 @@ def test_as_much_may_be_known_of_first_states_as_the_sample_that_tells_most_of_e
     assert c.log_likelihood + c.first_states == pytest.approx(integral, abs=5e-3)
 
 
-def test_of_first_states_only_those_of_which_nothing_is_known_are_unknown_in_whatever_directions():
+def test_of_first_states_as_much_counts_as_known_as_one_sample_tells():
     rng = np.random.default_rng(0)
-    E = rng.normal(size=(40, 3)) * [1.0, 1e3, 1e-4]
-    soft = np.array([[0.0, 5.0, 0.0]])
-    R = np.linalg.qr(np.vstack([E, soft]))[1]
-    axes = _unknown(np.vstack([soft, np.zeros((2, 3))]))
-    assert axes.tolist() == np.eye(3)[:, [0, 2]].tolist()
-    M = np.max(E[:, [0, 2]] ** 2, axis=0)
-    whole = R.T @ R + np.diag([M[0], 0.0, M[1]])
+    E = rng.normal(size=(40, 4)) * [1.0, 1e3, 1e-4, 2.0]
+    known = np.array([[0.3, 0.0, 5.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1e4]])  # the second hardly, the last one well
+    R = np.linalg.qr(np.vstack([E, known[:, 1:]]))[1]
+    M = np.max(E[:, :3] ** 2, axis=0)
+    whole = R.T @ R + np.diag([*(M - [0.0, 25.0, 0.0]), 0.0])
+    own = np.sum(np.log(M / (2 * np.pi))) - np.log(25.0 / (2 * np.pi)) + 0.3**2
+    expected = 0.5 * np.linalg.slogdet(R.T @ R)[1] - 0.5 * np.linalg.slogdet(whole)[1] + 0.5 * own
+    assert _unit_information(R, E, np.vstack([known, np.zeros((2, 5))])) == pytest.approx(expected, rel=1e-9)
+
+
+def test_of_first_states_that_are_tied_only_directions_in_which_nothing_is_known_count():
+    """A sum that is known, and one state apart from it."""
+    rng = np.random.default_rng(1)
+    E = rng.normal(size=(30, 3))
+    known = np.array([[0.0, 1e3, 1e3, 0.0]])
+    R = np.linalg.qr(np.vstack([E, known[:, 1:]]))[1]
+    N = np.array([[0.0, 0.0, 1.0], [0.5**0.5, -(0.5**0.5), 0.0]]).T
+    M = np.max((E @ N) ** 2, axis=0)
+    whole = R.T @ R + (N * M) @ N.T
     expected = 0.5 * np.linalg.slogdet(R.T @ R)[1] - 0.5 * np.linalg.slogdet(whole)[1] + 0.5 * np.sum(np.log(M / (2 * np.pi)))
-    assert _unit_information(R, E, axes) == pytest.approx(expected, rel=1e-9)
-    tied = _unknown(np.array([[1.0, 1.0, 0.0]]))  # a sum that is known: two directions are not
-    assert tied.shape == (3, 2)
-    np.testing.assert_allclose(np.array([1.0, 1.0, 0.0]) @ tied, 0.0, atol=1e-12)
+    assert _unit_information(R, E, known) == pytest.approx(expected, rel=1e-9)
+
+
+def test_comparisons_do_not_hang_on_how_little_was_known_of_a_start():
+    y = record(5)
+
+    def compared(initial: dict[str, Known | float]) -> float:
+        c = problem(y, settings=FINE, parameters=FIXED, initial=initial)[0].criteria
+        return c.log_likelihood + c.first_states
+
+    nothing = compared({"mass.v": 0.0})
+    for std in (1.0, 1e3):
+        assert compared({"mass.s": Known(0.2, std=std), "mass.v": 0.0}) == pytest.approx(nothing, abs=1e-3)
+    sure = problem(y, settings=FINE, parameters=FIXED, initial={"mass.s": Known(0.0, std=1e-6), "mass.v": 0.0})[0].criteria
+    assert sure.first_states == 0.0
 
 
 def test_effective_parameters_are_the_trace_of_the_hat_matrix_and_penalise_a_density_given_the_fit():
