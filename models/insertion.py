@@ -72,6 +72,7 @@ def exchange(model: Model, name: str, component: Component) -> Model:
         components={**model.components, name: component},
         bindings={path: to for path, to in model.bindings.items() if declared_still(path)},
         onsets={path: onset for path, onset in model.onsets.items() if declared_still(path)},
+        changes={path: change for path, change in model.changes.items() if declared_still(path)},
         start={path: value for path, value in model.start.items() if stays(path)},
         states=tuple(path for path in model.states if stays(path)),
     )

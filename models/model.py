@@ -58,6 +58,7 @@ class Model:
     states       coordinates that stay states where a closed loop leaves a choice, ("joint_1.phi", "joint_2.phi")
     residuals    places whose laws carry a residual force from the start, besides the balances of bodies
     onsets       parameter of a component -> (time [s] from which it has its value, what it is before), {"friction.f_c": (3.2, 0.0)}
+    changes      parameter of a component -> (time [s], parameter of the model that is added from then on), {"load.m": (4.0, "fallen")}
 
     Raises ModelError for an unknown component, connector, variable or parameter, and for a connection of different kinds or units.
     """
@@ -73,10 +74,11 @@ class Model:
     states: Sequence[str] = ()
     residuals: Sequence[str] = ()
     onsets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    changes: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     description: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("components", "inputs", "outputs", "parameters", "bindings", "start", "onsets"):
+        for name in ("components", "inputs", "outputs", "parameters", "bindings", "start", "onsets", "changes"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         for name, one in (("states", "name"), ("residuals", "place")):
             if isinstance(getattr(self, name), str):
@@ -93,6 +95,7 @@ class Model:
         self._check_names()
         self._check_bindings()
         self._check_onsets()
+        self._check_changes()
 
     def _pair(self, connection: Sequence[str]) -> tuple[str, str]:
         if isinstance(connection, str) or len(connection) != 2:
@@ -206,6 +209,19 @@ class Model:
         """
         return replace(self, onsets={**self.onsets, path: (time, before)})
 
+    def changing(self, path: str, time: float, name: str, by: float = 0.0) -> Model:
+        """The model with a parameter of a component that is another one from a time [s] on: larger by `name`, a new one of the model.
+
+        A load that falls is one. by: its value, in the unit of that parameter. Time is as of `since`. Raises ModelError as that does, and
+        for a name that is taken.
+        """
+        self._check_words("change", path)
+        if name in self.parameters:
+            raise ModelError(f"changing('{path}', name='{name}'): model '{self.name}' has a parameter of this name; choose another one")
+        owner, _, word = path.partition(".")
+        change = Parameter(self.component(owner).declared_parameters[word].unit, by, description=f"by which {path} is larger later")
+        return replace(self, parameters={**self.parameters, name: change}, changes={**self.changes, path: (time, name)})
+
     def without(self, name: str) -> Model:
         """The model without the component `name` and its connections; grounds left with nothing to hold go with it.
 
@@ -235,6 +251,7 @@ class Model:
             states=tuple(path for path in self.states if stays(path)),
             residuals=tuple(path for path in self.residuals if stays(path)),
             onsets={path: onset for path, onset in self.onsets.items() if stays(path)},
+            changes={path: change for path, change in self.changes.items() if stays(path)},
         )
 
     # --- checks
@@ -315,13 +332,26 @@ class Model:
 
     def _check_onsets(self) -> None:
         for path, onset in self.onsets.items():
-            owner, _, word = path.partition(".")
-            declared = self.component(owner).declared_parameters
-            if word not in declared:
-                kind = type(self.components[owner]).__name__
-                raise ModelError(f"onset '{path}': {kind} '{owner}' has no parameter '{word}'; {suggestion(word, declared)}")
+            self._check_words("onset", path)
             if not (isinstance(onset, tuple) and len(onset) == 2 and all(_is_number(value) for value in onset)):
                 raise ModelError(f"onset '{path}' = {onset!r}: a pair of finite numbers is needed, the time [s] and the value before it")
+
+    def _check_changes(self) -> None:
+        for path, change in self.changes.items():
+            self._check_words("change", path)
+            if not (isinstance(change, tuple) and len(change) == 2 and _is_number(change[0]) and isinstance(change[1], str)):
+                raise ModelError(f"change '{path}' = {change!r}: a finite time [s] and the name of a parameter of the model are needed")
+            if change[1] not in self.parameters:
+                raise ModelError(
+                    f"change '{path}' by '{change[1]}': model '{self.name}' has no such parameter; {suggestion(change[1], self.parameters)}"
+                )
+
+    def _check_words(self, what: str, path: str) -> None:
+        owner, _, word = path.partition(".")
+        declared = self.component(owner).declared_parameters
+        if word not in declared:
+            kind = type(self.components[owner]).__name__
+            raise ModelError(f"{what} '{path}': {kind} '{owner}' has no parameter '{word}'; {suggestion(word, declared)}")
 
     def _check_variable(self, what: str, name: str, variable: str) -> None:
         owner, _, rest = variable.partition(".")

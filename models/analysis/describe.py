@@ -47,6 +47,7 @@ def _declared(model: Model, width: int) -> list[str]:
         _table("connections", ((line,) for line in _connections(model)), width),
         _table("shared parameters", ((a, f"= {b}") for a, b in model.bindings.items()), width),
         _table("onsets", ((path, f"from {time:g} s on; {before:g} before") for path, (time, before) in model.onsets.items()), width),
+        _table("changes", ((path, f"+ {by} from {time:g} s on") for path, (time, by) in model.changes.items()), width),
     ]
 
 

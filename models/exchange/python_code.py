@@ -46,7 +46,7 @@ def python_code(model: Model, said: str = "", folder: Path | None = None) -> str
     parts += _table("outputs", {name: _output(o) for name, o in model.measured.items()})
     parts += _table("parameters", {name: _declared(p) for name, p in model.parameters.items()})
     parts += _table("bindings", {path: _text(to) for path, to in model.bindings.items()})
-    for word in ("start", "onsets"):
+    for word in ("start", "onsets", "changes"):
         parts += _table(word, {name: repr(value) for name, value in getattr(model, word).items()})
     for word in ("states", "residuals"):
         parts += _list(word, [_text(name) for name in getattr(model, word)])

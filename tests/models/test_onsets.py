@@ -7,6 +7,7 @@ import pytest
 
 from backsight.models import Model, compile_model, simulate
 from backsight.models.errors import ModelError
+from backsight.models.exchange.python_code import python_code
 from backsight.models.mechanics.translational import ConstantForce, Friction, Mass
 from backsight.models.signals import Gain
 
@@ -43,6 +44,59 @@ def test_it_stays_with_its_component_and_goes_with_it():
     assert model.replace("rubs", ConstantForce(f=2.0)).onsets == {}
     assert model.without("rubs").onsets == {}
     assert model.without("rubs") == axis()
+
+
+def test_what_changes_is_larger_from_its_time_on():
+    model = axis().changing("push.f", 0.4, "fallen", by=-1.0)
+    found = simulate(model, TIMES).outputs["v"]
+    assert found == pytest.approx(1.0 - 1.5 * TIMES + 0.5 * np.maximum(TIMES - 0.4, 0.0), abs=1e-9)
+    assert model.parameters["fallen"].unit == "N"
+    assert simulate(model.with_values(fallen=0.0), TIMES).outputs["v"] == pytest.approx(1.0 - 1.5 * TIMES, abs=1e-9)
+
+
+def test_a_change_is_one_of_a_shared_parameter_at_one_component_alone():
+    twice = Model(
+        name="two",
+        components={"a": Mass(m=1.0), "b": Mass(m=1.0)},
+        parameters={"m": Mass().declared_parameters["m"]},
+        bindings={"a.m": "m", "b.m": "m"},
+        outputs={"a": "a.v", "b": "b.v"},
+    )
+    model = twice.insert("a", ConstantForce(f=1.0), "on_a").insert("b", ConstantForce(f=1.0), "on_b").with_values(m=2.0)
+    found = simulate(model.changing("a.m", 0.5, "more", by=2.0), TIMES).outputs
+    assert found["a"] == pytest.approx(-0.5 * TIMES + 0.25 * np.maximum(TIMES - 0.5, 0.0), abs=1e-9)
+    assert found["b"] == pytest.approx(-0.5 * TIMES, abs=1e-9)
+
+
+def test_a_change_goes_with_its_component_and_is_told_of():
+    model = axis().changing("push.f", 0.3, "fallen", by=2.0)
+    assert model.without("push").changes == {}
+    assert model.replace("push", Friction(f_c=2.0)).changes == {}
+    assert "push.f  + fallen from 0.3 s on" in model.describe()
+    space: dict[str, object] = {}
+    exec(python_code(model), space)
+    assert space["axis"]() == model
+
+
+@pytest.mark.parametrize(
+    ("path", "time", "name", "said"),
+    [
+        ("push.g", 0.1, "fallen", "has no parameter 'g'"),
+        ("pull.f", 0.1, "fallen", "has no component 'pull'"),
+        ("push.f", float("inf"), "fallen", "a finite time"),
+        ("push.f", 0.1, "taken", "has a parameter of this name"),
+        ("push.f", 0.1, "of it", "must be words"),
+    ],
+)
+def test_what_cannot_change_is_refused(path, time, name, said):
+    model = axis(parameters={"taken": Mass().declared_parameters["m"]})
+    with pytest.raises(ModelError, match=said):
+        model.changing(path, time, name)
+
+
+def test_a_change_by_nothing_that_there_is_is_refused():
+    with pytest.raises(ModelError, match="has no such parameter"):
+        axis(changes={"carriage.m": (0.1, "nothing")})
 
 
 def test_the_description_tells_it():

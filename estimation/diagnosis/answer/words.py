@@ -16,6 +16,7 @@ KINDS = {
     "actuator": "An input does not act as it was recorded:",
 }  # family -> how what was found is said
 LEFT_OUT = "The model leaves out"
+CHANGES = "A parameter changes while the machine runs:"
 STANDING_OUT = 10.0  # nats, of an effect that is too small to matter: with as much it is told of, for it is there
 NAMED = 3  # of what recordings cannot tell apart
 FEW_BLOCKS = 5  # of what was held out: however plain a gain is, so few cannot make its chance small
@@ -91,9 +92,11 @@ def _where(nameless: Explanation) -> str:
 def _clauses(findings: Sequence[Finding]) -> list[str]:
     """What was found, a sentence for every kind of it."""
     kinds: dict[str, list[str]] = {}
-    for e in (f.explanation for f in findings):
+    for f in findings:
+        e = f.explanation
         own = numbers(e.parameters) or e.place if e.family == "parameter" else named(e)
-        kinds.setdefault(KINDS.get(e.family, LEFT_OUT), []).append(own)
+        changes = e.family == "parameter" and f.onset is not None
+        kinds.setdefault(CHANGES if changes else KINDS.get(e.family, LEFT_OUT), []).append(f"{own} {when(f)}" if changes else own)
     return [f"{kind} {listed(own)}." for kind, own in kinds.items()]
 
 

@@ -90,6 +90,23 @@ class Since:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Change:
+    """A parameter that is larger by a new one, `name`, from a time [s] on (`Model.changing`)."""
+
+    path: str
+    time: float
+    name: str
+
+    def __call__(self, model: Model) -> Model:
+        return model.changing(self.path, self.time, self.name)
+
+    @property
+    def words(self) -> str:
+        """load.m + load_m_change from 4.1 s on."""
+        return f"{self.path} + {self.name} from {self.time:.4g} s on"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Alike:
     """Several parts of one kind, edited alike, with one parameter of the model for all of them.
 
@@ -120,7 +137,7 @@ class Alike:
         return self.parts[0].component.declared_parameters[self.word]
 
 
-Edit = Insert | Exchange | Rebuild | Alike | Since
+Edit = Insert | Exchange | Rebuild | Alike | Since | Change
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +204,12 @@ class Candidate:
 
     @property
     def rank(self) -> int:
-        """Place of its family in the order of explanations; a mass that the study says is nothing is a parameter of it that is wrong."""
+        """Place of its family in the order of explanations; a mass that the study says is nothing is a parameter of it that is wrong.
+
+        That a number of the machine is another one later comes last: what is added then, or acts then, is physics.
+        """
+        if self.changed:
+            return len(ORDER) + 1
         if self.stated:
             return 0
         return ORDER.index(self.family) if self.family in ORDER else len(ORDER)
@@ -256,8 +278,8 @@ class Candidate:
 
     @property
     def subject(self) -> tuple[str, ...]:
-        """The parameters of the model that it says are wrong: a component has several."""
-        return self.strengths if self.family == "parameter" else ()
+        """The parameters of the model that it says are wrong, or change: a component has several."""
+        return self.changed or (self.strengths if self.family == "parameter" else ())
 
     @property
     def key(self) -> Key:
@@ -276,17 +298,39 @@ class Candidate:
         return model
 
     def since(self, time: float | None) -> Candidate | None:
-        """The same from a time [s] on; None without one, and for what is not told by strengths of components that come in."""
+        """The same from a time [s] on; None without one, and for what no strengths tell, of components that come in or of one parameter."""
+        if time is not None and self.family == "parameter" and not self.edits:
+            return self._changing(time)
         own = {name.partition(".")[0] for name in self.strengths} <= {*self.brought}
         if time is None or not self.strengths or self.signals or self.absorbs or not own:
             return None
         onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
         return replace(self, edits=(*self.edits, onset))
 
+    def _changing(self, time: float) -> Candidate | None:
+        """A parameter of the model that is another one from a time [s] on."""
+        if len(self.strengths) != 1:
+            return None
+        (path,) = self.strengths
+        value, low, high = self.start[path]
+        name = f"{path.replace('.', '_')}_change"
+        return replace(
+            self,
+            edits=(Change(path=path, time=time, name=name),),
+            strengths=(name,),
+            start={name: (0.0, low - value, high - value)},
+            named={f"change of {path}": name},
+        )
+
+    @property
+    def changed(self) -> tuple[str, ...]:
+        """Parameters of the model that it says change."""
+        return tuple(e.path for e in self.edits if isinstance(e, Change))
+
     @property
     def onset(self) -> float | None:
         """The time from which on it acts [s], None from the start."""
-        return next((e.time for e in self.edits if isinstance(e, Since)), None)
+        return next((e.time for e in self.edits if isinstance(e, Since | Change)), None)
 
     @property
     def of_reading(self) -> bool:

@@ -236,6 +236,35 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
     return found + _tilting(model, found)
 
 
+def changing(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
+    """Every parameter of the machine, free or fixed, that may be another one from some time on. solution, brought: as of `library`.
+
+    They are looked at from times on alone (`Candidate.since`): all along, one that is free gains nothing.
+    """
+    reading, found = sensors(model), list[Candidate]()
+    for info, value in zip(solution.transcription.dae.parameters, solution.parameters.tolist(), strict=True):
+        owner, _, word = info.name.partition(".")
+        given = problem.parameters.get(info.name)
+        own = owner in model.components and word in model.components[owner].declared_parameters and owner not in {*reading, *brought}
+        known = info.name in {*model.onsets, *model.changes} or (given is None and not _told(info.name, model))
+        wandering = isinstance(given, Free) and (given.drift is not None or given.per_recording)
+        if not own or known or wandering or info.smoothing or value == 0 or info.unit == "rad":
+            continue
+        size, least, most = abs(value), info.minimum, info.maximum
+        if isinstance(given, Free):
+            least, most = max(least, given.min), min(most, given.max)
+        found.append(
+            Candidate(
+                place=owner,
+                family="parameter",
+                physics="wrong_parameter",
+                strengths=(info.name,),
+                start={info.name: (value, max(least, value - 0.9 * size), min(most, value + 9 * size))},
+            )
+        )
+    return found
+
+
 def _tilting(model: Model, single: Sequence[Candidate]) -> list[Candidate]:
     """Both moments of inertia about the axes that a body in space tilts about: computed, not weighed, they are wrong together."""
     by_name, found = {c.strengths[0]: c for c in single}, list[Candidate]()

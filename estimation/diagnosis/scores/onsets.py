@@ -51,15 +51,14 @@ def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], 
     return tuple(out)
 
 
-def late(base: Linearised, looks: Sequence[Look]) -> Iterator[Look]:
-    """What sets in, at a row of times."""
+def late(base: Linearised, looks: Sequence[Look], changing: Sequence[Look] = ()) -> Iterator[Look]:
+    """What sets in of the effects that are looked at, and the parameters that may change, at a row of times."""
     clock = _Clock.of(base)
-    for look in looks:
-        if look.candidate.physics in SETTING_IN:
-            for time in clock.grid:
-                since = look.candidate.since(time)
-                if since is not None:
-                    yield Look(candidate=since, shape=look.shape, columns=clock.after(look.columns, time), whole=look)
+    for look in (*(look for look in looks if look.candidate.physics in SETTING_IN), *changing):
+        for time in clock.grid:
+            since = look.candidate.since(time)
+            if since is not None:
+                yield Look(candidate=since, shape=look.shape, columns=clock.after(look.columns, time), whole=look)
 
 
 def dated(base: Linearised, found: Screened) -> Screened:
@@ -101,7 +100,7 @@ def onset(base: Linearised, found: Screened) -> float | None:
 
     Of what might set in as a candidate of its own, what that says; of others, what their score says.
     """
-    if found.candidate.physics in SETTING_IN:
+    if found.candidate.physics in SETTING_IN or found.candidate.changed:
         return found.candidate.onset
     clock = _Clock.of(base)
     first, _ = clock.best(base, found.look.columns, clock.grid)

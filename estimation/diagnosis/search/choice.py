@@ -207,7 +207,7 @@ def matters(s: Screened, sizes: Sizes) -> bool:
 
 def amiss(c: Candidate, change: Sequence[float] | Array) -> bool:
     """Whether it is a parameter of the machine that is wrong by a share of what it was taken for. change (n,): of its strengths."""
-    if c.family != "parameter":
+    if c.family != "parameter" or c.changed:
         return False
     return any(abs(a) > WRONG * abs(c.neutral(name)) for name, a in zip(c.strengths, change, strict=True))
 

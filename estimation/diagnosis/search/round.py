@@ -11,7 +11,7 @@ from ...problem import Free, Problem
 from ...results import Smoothing
 from ..answer.verdict import Tried
 from ..candidates.candidate import Candidate
-from ..candidates.library import library
+from ..candidates.library import changing, library
 from ..candidates.places import joined_to
 from ..evidence.misfit import NEARER, OFF, off
 from ..evidence.offsets import counted_out
@@ -87,12 +87,14 @@ class Round:
         """The scores of all candidates. seed: of what is drawn."""
         problem, solution = bared(base.problem, base.result)
         linearised = Linearised(solution)
-        candidates = library(problem, base.model, solution, brought={n for c in accepted for n in c.brought})
+        brought = {n for c in accepted for n in c.brought}
+        candidates = library(problem, base.model, solution, brought=brought)
         candidates = [c.with_all_of(accepted, problem.parameters) for c in candidates]
         looks = looked_at(problem, base.model, linearised, candidates)
         if (free := unheld(problem, solution)) is not solution:  # what a bound leaves over alone is nothing that is missing
             looks = identifiable(Linearised(free), looks)
-        found = screen(linearised, looks, late(linearised, looks), seed=seed, threads=fits.jobs)
+        changes = looked_at(problem, base.model, linearised, changing(problem, base.model, solution, brought))
+        found = screen(linearised, looks, late(linearised, looks, changes), seed=seed, threads=fits.jobs)
         return cls(
             base=base,
             bare=bare,
@@ -349,7 +351,8 @@ class Round:
                 return best
             self.fits.say(f"when {c.title} sets in")
             there = Linearised(f.worth.solution)
-            again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
+            like = changing if c.changed else library
+            again = [d for d in like(f.problem, f.model, f.worth.solution, set(c.brought)) if d.key == c.key]
             looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
             if f.result is None or not looks:
                 return best

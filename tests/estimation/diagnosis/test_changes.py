@@ -1,0 +1,141 @@
+"""Numbers of a machine that change while it runs, on a spring-mass machine that SciPy integrates on either side of the change."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from concealed_axis import posed, run
+from scipy.integrate import solve_ivp
+
+from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
+from backsight.estimation.diagnosis.answer.words import sentence
+from backsight.estimation.diagnosis.candidates.library import changing, library
+from backsight.estimation.diagnosis.scores.onsets import dated, late
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.screen import screen
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.models import Model
+from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
+
+TRUE = {"load.m": 2.0, "spring.k": 300.0, "damper.d": 6.0}
+STEP, N, AT, NOISE = 4e-3, 1500, 2.5, 2e-6
+
+
+def machine() -> Model:
+    return Model(
+        name="machine",
+        components={
+            "load": Mass(),
+            "spring": Spring(k=1.0),
+            "damper": Damper(),
+            "wall": Fixed(),
+            "motor": Force(),
+            "scale": PositionSensor(),
+        },
+        connections=[
+            ("motor.flange", "load.flange"),
+            ("spring.flange_a", "load.flange"),
+            ("damper.flange_a", "load.flange"),
+            ("spring.flange_b", "wall.flange"),
+            ("damper.flange_b", "wall.flange"),
+            ("scale.flange", "load.flange"),
+        ],
+        inputs={"F": "motor.f"},
+        outputs={"x": "scale.s"},
+    )
+
+
+def recorded(later: dict[str, float], seed: int, role: str = "fit") -> Recording:
+    """Force held from row to row; from AT on the parameters are those of `later`."""
+    rng, t, state, seen = np.random.default_rng(seed), STEP * np.arange(N), np.zeros(2), np.empty(N)
+    force = 20.0 * np.repeat(rng.uniform(-1, 1, N // 25), 25) + 10.0 * np.sin(11.0 * t)
+    for k in range(N):
+        p = {**TRUE, **(later if t[k] >= AT - STEP / 2 else {})}
+        seen[k] = state[0]
+
+        def rate(_: float, s: np.ndarray, p: dict[str, float] = p, f: float = force[k]) -> list[float]:
+            return [s[1], (f - p["spring.k"] * s[0] - p["damper.d"] * s[1]) / p["load.m"]]
+
+        state = solve_ivp(rate, (0.0, STEP), state, rtol=1e-10, atol=1e-13).y[:, -1]
+    x = seen + NOISE * rng.standard_normal(N)
+    return Recording(name=role, time=t, inputs={"F": force}, outputs={"x": x}, output_std={"x": NOISE}, role=role)
+
+
+@cache
+def found(name: str, later: float, *fixed: str) -> Diagnosis:
+    free = {path: Free(1.2 * value, min=0.1 * value) for path, value in TRUE.items()}
+    given = {path: TRUE[path] if path in fixed else guess for path, guess in free.items()}
+    recordings = [recorded({name: later} if name else {}, 3), recorded({name: later} if name else {}, 4, "held_out")]
+    return diagnose(Problem(model=machine(), recordings=recordings, parameters=given))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "later", "fixed"), [("spring.k", 240.0, ()), ("load.m", 1.7, ()), ("load.m", 1.7, ("load.m",))])
+def test_a_number_that_changes_is_found_with_its_time_and_its_size(name, later, fixed):
+    d = found(name, later, *fixed)
+    assert (d.verdict, [f.explanation.subject for f in d.findings]) == ("parameter", [(name,)])
+    (finding,) = d.findings
+    assert finding.onset == pytest.approx(AT, abs=0.02)  # steps of its mesh
+    (strength,) = finding.explanation.parameters.values()
+    assert strength.value == pytest.approx(later - TRUE[name], abs=4 * strength.std)
+    assert strength.std < 0.01 * abs(later - TRUE[name])
+    assert f"A parameter changes while the machine runs: change of {name} = " in sentence(d)
+    assert f"from {finding.onset:.4g} s on" in sentence(d)
+    assert d.held_out.improvement_percent > 80
+    assert d.model is not None
+    (change,) = d.model.changes.values()
+    assert d.model.parameters[change[1]].default == pytest.approx(strength.value)
+
+
+@pytest.mark.slow
+def test_what_acts_from_a_time_on_is_named_before_a_number_that_changes():
+    """A damper that is stronger from then on is viscous friction that sets in."""
+    d = found("damper.d", 9.0)
+    assert [(f.explanation.physics, f.onset == pytest.approx(AT, abs=0.05)) for f in d.findings] == [("viscous_friction", True)]
+
+
+@pytest.mark.slow
+def test_where_nothing_changes_nothing_is_found():
+    assert found("", 0.0).verdict == "none"
+
+
+def test_every_number_of_the_machine_may_change_free_or_fixed():
+    problem = posed(run(1.0, 2e-3), carriage__m=95.0)
+    result = smooth(problem)
+    names = {c.strengths[0] for c in changing(problem, problem.model, result.solution)}
+    assert names == {"carriage.m", "friction.d"}  # of what is nothing, or a rounding, there is no share
+    assert {c.strengths[0] for c in library(problem, problem.model, result.solution) if c.family == "parameter"} == {"carriage.m"}
+    changed = problem.model.changing("friction.d", 0.3, "more")
+    assert {c.strengths[0] for c in changing(problem, changed, result.solution)} == {"carriage.m"}
+
+
+def test_a_change_is_scored_from_its_time_on_and_looked_at_from_times_on_alone():
+    problem = posed(run(1.5, 2e-3, force=lambda t, _, v: -60.0 * v * (t > 0.8)))
+    result = smooth(problem)
+    base = Linearised(result.solution)
+    looks = looked_at(problem, problem.model, base, changing(problem, problem.model, result.solution))
+    scored = screen(base, [], late(base, [], looks)).found
+    assert all(s.candidate.onset is not None for s in scored)
+    best = dated(base, scored[0])
+    assert best.candidate.changed == ("friction.d",)
+    assert best.candidate.onset == pytest.approx(0.8, abs=0.03)
+    assert best.estimate == pytest.approx([60.0], rel=0.1)
+    assert [e.words for e in best.candidate.edits] == [f"friction.d + friction_d_change from {best.candidate.onset:.4g} s on"]
+
+
+def test_a_change_is_named_by_what_changes_and_comes_after_physics():
+    problem = posed(run(1.0, 2e-3))
+    whole = next(c for c in changing(problem, problem.model, smooth(problem).solution) if c.place == "carriage")
+    later = whole.since(0.4)
+    assert later.key == whole.key == ("carriage", "wrong_parameter", "carriage.m")
+    assert (later.onset, later.changed, later.title) == (0.4, ("carriage.m",), "wrong parameter carriage.m")
+    assert later.rank > max(c.rank for c in library(problem, problem.model, smooth(problem).solution))
+    (name,) = later.strengths
+    _, low, high = later.start[name]
+    value, least, most = whole.start["carriage.m"]
+    assert (low, high) == (least - value, most - value)
+    assert later.edited(problem.model).changes == {"carriage.m": (0.4, name)}
+    assert later.unit(problem.model, name, {}) == "kg"
+    assert whole.since(None) is None
