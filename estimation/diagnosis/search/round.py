@@ -19,12 +19,10 @@ from ..evidence.worth import Worth, gains
 from ..scores.onsets import dated, late, moved
 from ..scores.score import Linearised
 from ..scores.screen import Screen, Screened, identifiable, screen
-from ..scores.shares import FLOOR, Sizes, left_over
+from ..scores.shares import FLOOR, Sizes
 from ..scores.supermodel import looked_at
 from .choice import (
     CLEAR,
-    LATE,
-    MOST,
     as_good,
     chosen,
     coloured,
@@ -39,11 +37,12 @@ from .choice import (
     stood_for,
 )
 from .elimination import Bare
-from .findings import AS_MUCH, Judged, fitted_strengths
+from .findings import Judged, fitted_strengths
 from .fits import Base, Fits
 from .indistinct import indistinct
+from .late_signals import late_as_another, late_unheard
 from .left_over import UNEXPLAINED
-from .refit import Fitted, at_work, bared, hidden, holds, settled, worth_of
+from .refit import at_work, bared, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
 from .runaway import unheld
 
@@ -170,8 +169,9 @@ class Round:
         richer = [dated(self.linearised, s) for s in stood_for(self.found, self.sizes, self.fitted)]
         self._fit([(s.candidate, s) for s in richer], now)
         self._fit_where([(c, None, there) for c, there in self._plainer_than_fitted()], now)
-        self._fit_where([(s.candidate, s, there) for s, there in self._late_as_another()], now)
-        self._fit([(c, None) for c in self._late_unheard()], now)
+        self._fit_where([(s.candidate, s, there) for s, there in late_as_another(self.fitted)], now)
+        unheard = late_unheard(self.fitted, [c for c in self.candidates if not self._there(c)], self.found)
+        self._fit([(c, None) for c in unheard], now)
 
     def _there(self, c: Candidate) -> bool:
         """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.
@@ -200,44 +200,6 @@ class Round:
                 (strength,) = plain.strengths
                 found.append((replace(plain, start={**plain.start, strength: (there.parameters[level].value, 0.0, np.inf)}), there))
         return found
-
-    def _late_as_another(self) -> list[tuple[Screened, Smoothing]]:
-        """A lag where a delay of the same signal gained more, or the other way round, as late as that is, and where that came to rest.
-
-        By itself either may end in another valley.
-        """
-        found = list[tuple[Screened, Smoothing]]()
-        late = [(c, s, f) for c, s, f in self.fitted if c.physics in LATE and s is not None]
-        for c, s, f in late:
-            others = [o for o in late if o[0].place == c.place and o[0].physics != c.physics and o[2].gain > max(f.gain, 0.0) + CLEAR]
-            best = max(others, key=lambda o: o[2].gain, default=None)
-            if s is None or best is None or (there := best[2].whole) is None:
-                continue
-            (own,), (path,) = c.named.values(), best[0].named.values()
-            _, low, high = c.start[own]
-            as_late = {own: float(np.clip(there.parameters[path].value, low, high))}
-            found.append((replace(s, look=replace(s.look, shape=as_late), origin=s.origin or s), there))
-        return found
-
-    def _late_unheard(self) -> list[Candidate]:
-        """Delays on the other side of the machine where something late has the best score, or nearly, and no fit explains what matters.
-
-        A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs.
-        """
-        most = max((s.gain for _, s, _ in self.fitted if s is not None), default=0.0)
-        late = {c.family for c, s, _ in self.fitted if c.physics in LATE and s is not None and s.gain >= AS_MUCH * most}
-        if not late or any(self._explains(f) for _, _, f in self.fitted):
-            return []
-        tried, scores = {c.key for c, _, _ in self.fitted}, {id(s.candidate): s.gain for s in self.found.found}
-        delays = (c for c in self.candidates if c.physics in ("input_delay", "sensor_delay") and c.key not in tried)
-        others = [c for c in delays if c.family not in late and not self._there(c)]
-        return sorted(others, key=lambda c: -scores.get(id(c), 0.0))[:MOST]
-
-    def _explains(self, f: Fitted) -> bool:
-        """Whether a fit gains and leaves nothing over that matters."""
-        if not f.gain > CLEAR or f.problem is None or (whole := f.whole) is None:
-            return False
-        return not max(left_over(f.problem, whole).values(), default=0.0) > FLOOR
 
     def _fit_where(self, wanted: Sequence[tuple[Candidate, Screened | None, Smoothing]], now: Worth) -> None:
         """Fits of candidates from where others came to rest."""

@@ -21,6 +21,7 @@ from backsight.estimation.diagnosis.search.choice import sound
 from backsight.estimation.diagnosis.search.elimination import Bare
 from backsight.estimation.diagnosis.search.fits import Base, Fits
 from backsight.estimation.diagnosis.search.keep import Keep
+from backsight.estimation.diagnosis.search.late_signals import late_as_another, late_unheard
 from backsight.estimation.diagnosis.search.refit import QUICKLY, Fitted, worth_of
 from backsight.estimation.diagnosis.search.round import Round, _gained
 from backsight.estimation.smoothing.smoother import smoothing
@@ -90,7 +91,7 @@ def test_a_delay_whose_fit_was_lost_is_fitted_from_where_a_lag_came_to_rest():
     (first,) = scored.fitted
     assert np.isfinite(first[2].gain)
     scored.fitted.append((delay.candidate, delay, Fitted(candidate=delay.candidate, failed="lost")))
-    ((again, there),) = scored._late_as_another()
+    ((again, there),) = late_as_another(scored.fitted)
     assert again.candidate is delay.candidate
     assert again.look.shape["sensor_delay_x.delay"] == first[2].result.parameters["sensor_lag_x.tau"].value
     ((c, _, f),) = _gained(scored.fits.candidates(replace(scored.base, result=there), [(again.candidate, again)]), now)
@@ -98,7 +99,7 @@ def test_a_delay_whose_fit_was_lost_is_fitted_from_where_a_lag_came_to_rest():
     assert f.gain > first[2].gain
     assert "delay" in c.title
     scored.fitted[1] = c, delay, f
-    assert [s.candidate.physics for s, _ in scored._late_as_another()] == ["sensor_lag"]  # now that one is tried from there
+    assert [s.candidate.physics for s, _ in late_as_another(scored.fitted)] == ["sensor_lag"]  # now that one is tried from there
 
 
 @pytest.mark.parametrize(("f_c", "is_fitted"), [(20.0, True), (0.0, False)])
@@ -112,12 +113,12 @@ def test_where_a_late_input_is_likely_and_leaves_much_over_late_sensors_are_fitt
     late = next(s for s in scored.found.found if s.candidate.physics == "input_delay")
     scored._fit([(late.candidate, late)], now)
     scored.fitted = [(c, s, replace(f, gain=90.0)) for c, s, f in scored.fitted]
-    assert [c.physics for c in scored._late_unheard()] == ["sensor_delay"] * is_fitted
+    assert [c.physics for c in late_unheard(scored.fitted, scored.candidates, scored.found)] == ["sensor_delay"] * is_fitted
     scored.fitted = [(c, s, Fitted(candidate=c, failed="lost")) for c, s, _ in scored.fitted]
-    assert [c.physics for c in scored._late_unheard()] == ["sensor_delay"]
+    assert [c.physics for c in late_unheard(scored.fitted, scored.candidates, scored.found)] == ["sensor_delay"]
     better = screened("carriage", "viscous_friction", 2.0 * late.gain)
     scored.fitted.append((better.candidate, better, Fitted(candidate=better.candidate, failed="lost")))
-    assert scored._late_unheard() == []
+    assert late_unheard(scored.fitted, scored.candidates, scored.found) == []
 
 
 def test_fits_anew_begin_at_the_guesses_that_were_given():
