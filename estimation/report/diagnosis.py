@@ -123,8 +123,8 @@ def _when(found: Diagnosis) -> str:
     parts = []
     for number_, ((place, recording), which) in enumerate(list(by_place.items())[:DRAWN]):
         chosen = [found.mismatch[k] for k in which]
-        onsets = [f.onset for f in found.findings if f.explanation.place == place and f.onset is not None]
-        told = [when(f) for f in found.findings if f.explanation.place == place]
+        own = [f for f in found.findings if f.explanation.place in (place, place.partition(".")[0])]
+        onsets, told = [f.onset for f in own if f.onset is not None], [when(f) for f in own]
         said = f"<p>{escape(f'It acts: {joined(told)}.')}</p>" if told else ""
         parts.append(f"<h3>{code(place)} on {code(recording)}</h3>{said}")
         parts.append(drawn(mismatch_chart(chosen, onsets, label=f"mismatch_{number_}")))

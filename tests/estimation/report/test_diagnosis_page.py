@@ -98,9 +98,11 @@ def test_the_parameters_stand_side_by_side(page):
     assert f"{after.value:.3f}"[:5] in row
 
 
-def test_an_onset_is_marked(tmp_path):
+@pytest.mark.parametrize("balance", ["", ".phi"])
+def test_an_onset_is_marked_at_all_balances_of_its_place(tmp_path, balance):
     finding = replace(diagnosis().findings[0], onset=0.4, regime="forwards")
-    page = written(replace(diagnosis(), findings=(finding,)), tmp_path)
+    mismatch = tuple(replace(m, place=m.place + balance) for m in diagnosis().mismatch)
+    page = written(replace(diagnosis(), findings=(finding,), mismatch=mismatch), tmp_path)
     assert "It acts: from 0.4 s on, forwards." in page.text
     marks = [t for chart in page.charts for t in chart["data"] if t["name"] == "from here on"]
     assert unpacked(marks[0]["x"]) == pytest.approx(0.4)
