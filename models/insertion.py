@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 from .errors import ModelError, suggestion
 from .language import Component, Connector, SignalInput, SignalOutput
@@ -72,10 +73,17 @@ def exchange(model: Model, name: str, component: Component) -> Model:
         components={**model.components, name: component},
         bindings={path: to for path, to in model.bindings.items() if declared_still(path)},
         onsets={path: onset for path, onset in model.onsets.items() if declared_still(path)},
-        changes={path: change for path, change in model.changes.items() if declared_still(path)},
+        **changes_where(model, declared_still),
         start={path: value for path, value in model.start.items() if stays(path)},
         states=tuple(path for path in model.states if stays(path)),
     )
+
+
+def changes_where(model: Model, stays: Callable[[str], bool]) -> dict[str, Any]:
+    """Of a model the changes of parameters that stay; parameters of the model by which others changed go with them."""
+    kept = {path: change for path, change in model.changes.items() if stays(path)}
+    gone = {by for _, by in model.changes.values()} - {by for _, by in kept.values()} - {*model.bindings.values()}
+    return {"changes": kept, "parameters": {name: p for name, p in model.parameters.items() if name not in gone}}
 
 
 def bridged(model: Model, name: str) -> Model | None:

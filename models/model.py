@@ -212,14 +212,17 @@ class Model:
     def changing(self, path: str, time: float, name: str, by: float = 0.0) -> Model:
         """The model with a parameter of a component that is another one from a time [s] on: larger by `name`, a new one of the model.
 
-        A load that falls is one. by: its value, in the unit of that parameter. Time is as of `since`. Raises ModelError as that does, and
-        for a name that is taken.
+        A load that falls is one; a number changes once. by: its value, in the unit of that parameter. Time is as of `since`. Raises
+        ModelError as that does, for a name that is taken, and for what the parameter cannot be.
         """
-        self._check_words("change", path)
+        declared = self._declared("change", path)
         if name in self.parameters:
             raise ModelError(f"changing('{path}', name='{name}'): model '{self.name}' has a parameter of this name; choose another one")
-        owner, _, word = path.partition(".")
-        change = Parameter(self.component(owner).declared_parameters[word].unit, by, description=f"by which {path} is larger later")
+        if path in self.changes:
+            raise ModelError(f"changing('{path}'): it changes at {self.changes[path][0]:g} s already, and what changes does so once")
+        value = self._value(path)
+        check_value(f"changing('{path}', by={by}), which makes {value + by:g} of it", value + by, declared)
+        change = Parameter(declared.unit, by, nominal=declared.size(value), description=f"by which {path} is larger later")
         return replace(self, parameters={**self.parameters, name: change}, changes={**self.changes, path: (time, name)})
 
     def without(self, name: str) -> Model:
@@ -227,7 +230,7 @@ class Model:
 
         What a block with one signal input and one signal output was given, goes where its output went.
         """
-        from .insertion import bridged, idle_grounds
+        from .insertion import bridged, changes_where, idle_grounds
 
         bridge = bridged(self, name)
         if bridge:
@@ -251,7 +254,7 @@ class Model:
             states=tuple(path for path in self.states if stays(path)),
             residuals=tuple(path for path in self.residuals if stays(path)),
             onsets={path: onset for path, onset in self.onsets.items() if stays(path)},
-            changes={path: change for path, change in self.changes.items() if stays(path)},
+            **changes_where(self, stays),
         )
 
     # --- checks
@@ -332,13 +335,13 @@ class Model:
 
     def _check_onsets(self) -> None:
         for path, onset in self.onsets.items():
-            self._check_words("onset", path)
+            self._declared("onset", path)
             if not (isinstance(onset, tuple) and len(onset) == 2 and all(_is_number(value) for value in onset)):
                 raise ModelError(f"onset '{path}' = {onset!r}: a pair of finite numbers is needed, the time [s] and the value before it")
 
     def _check_changes(self) -> None:
         for path, change in self.changes.items():
-            self._check_words("change", path)
+            declared = self._declared("change", path)
             if not (isinstance(change, tuple) and len(change) == 2 and _is_number(change[0]) and isinstance(change[1], str)):
                 raise ModelError(f"change '{path}' = {change!r}: a finite time [s] and the name of a parameter of the model are needed")
             if change[1] not in self.parameters:
@@ -346,12 +349,22 @@ class Model:
                     f"change '{path}' by '{change[1]}': model '{self.name}' has no such parameter; {suggestion(change[1], self.parameters)}"
                 )
 
-    def _check_words(self, what: str, path: str) -> None:
+            by = self.parameters[change[1]]
+            if by.unit != declared.unit:
+                raise ModelError(f"change '{path}' [{declared.unit}] by '{change[1]}' [{by.unit}]: the units differ")
+
+    def _value(self, path: str) -> float:
+        """What a parameter of a component is, its own or that of the model which it is bound to."""
+        owner, _, word = path.partition(".")
+        return self.parameters[self.bindings[path]].default if path in self.bindings else self.component(owner).parameters[word]
+
+    def _declared(self, what: str, path: str) -> Parameter:
         owner, _, word = path.partition(".")
         declared = self.component(owner).declared_parameters
         if word not in declared:
             kind = type(self.components[owner]).__name__
             raise ModelError(f"{what} '{path}': {kind} '{owner}' has no parameter '{word}'; {suggestion(word, declared)}")
+        return declared[word]
 
     def _check_variable(self, what: str, name: str, variable: str) -> None:
         owner, _, rest = variable.partition(".")

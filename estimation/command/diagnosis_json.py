@@ -73,7 +73,8 @@ def _finding(f: Finding) -> dict[str, Any]:
 
 
 def _which(e: Explanation) -> dict[str, Any]:
-    return {"place": e.place, "physics": e.physics} | ({"parameter_names": list(e.subject)} if e.subject else {})
+    subject: dict[str, Any] = {"parameter_names": list(e.subject)} if e.subject else {}
+    return {"place": e.place, "physics": e.physics} | subject | ({"changes": True} if e.changes else {})
 
 
 def _tried(t: Tried) -> dict[str, Any]:

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from backsight.models import Model
+from backsight.models import Dae, Model
 from backsight.models.errors import InputError
 
-from ..problem import Problem
+from ..problem import Known, Problem
 from ..recordings.split import with_held_out
 from ..results import Smoothing
 from ..workers import at_hand, workers
@@ -23,6 +23,7 @@ from .answer.mismatch import mismatches
 from .answer.verdict import Diagnosis
 from .answer.words import CONTRADICTED, UNPROVED, withdrawn
 from .candidates.frames import with_heading
+from .candidates.memory import remembered
 from .evidence.latent import Latent, without_force
 from .evidence.offsets import at_nothing, own_of, with_offsets, without_offsets
 from .proof.contradicted import contradicted
@@ -116,8 +117,12 @@ def diagnose(
         say=say,
     )
 
+    def known(dae: Dae) -> dict[str, float | Known]:
+        whole = replace(problem, recordings=recordings)
+        return known_of(problem, dae, {state: at for c in search.standing.accepted for state, at in remembered(whole, c).items()})
+
     def seen(case: Case) -> Case:
-        return replace(case[0], recordings=recordings, initial=known_of(problem, case[0].dae)), at_nothing(case[1])
+        return replace(case[0], recordings=recordings, initial=known(case[0].dae)), at_nothing(case[1])
 
     try:
         if unseen:
@@ -156,7 +161,7 @@ def diagnose(
             model=search.standing.model,
             parameters=own_of(free_again(search.problem)),
             recordings=recordings,
-            initial=known_of(problem, search.problem.dae),
+            initial=known(search.problem.dae),
         ),
         held_out=held_out,
         undetectable=tuple(search.undetectable),

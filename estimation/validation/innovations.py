@@ -141,8 +141,9 @@ def _unit_information(R: Array, E: Array, known: Array) -> float:
     R (k, k): root of the information on them; E (m, k): of the innovations; known (rows, 1 + k): what was known, [r | derivative]. Of those
     directions N (k, n) of which less was known, P (n,), than the most that one innovation tells, M,
 
-        log |R| - 1/2 log det(R'R + N (M - P) N') + 1/2 log det(M / 2 pi) - 1/2 log det(P / 2 pi) + 1/2 r'r        (P not where it is zero)
+        log |R| - 1/2 log det(R'R + N (M - P) N') + 1/2 log det(M / 2 pi) - 1/2 log det(P / 2 pi) + 1/2 r' (I - P/M) r
 
+    (P not where it is zero): what is known more is so about the estimate.
     What is flat hangs on units, and where a state is hardly told it is as large as anybody likes: a delay of no length would be worth a
     hundred nats.
     """
@@ -152,7 +153,7 @@ def _unit_information(R: Array, E: Array, known: Array) -> float:
     less = most > P
     N, P, most, squares = N[:, less], P[less], most[less], squares[less]
     _, log_det = np.linalg.slogdet(R.T @ R + (N * (most - P)) @ N.T)
-    own = float(np.sum(np.log(most / (2.0 * np.pi))) - np.sum(np.log(P[P > 0] / (2.0 * np.pi))) + np.sum(squares))
+    own = float(np.sum(np.log(most / (2.0 * np.pi))) - np.sum(np.log(P[P > 0] / (2.0 * np.pi))) + np.sum(squares * (1.0 - P / most)))
     return float(np.sum(np.log(np.abs(np.diag(R)))) - 0.5 * log_det + 0.5 * own)
 
 

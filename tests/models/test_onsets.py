@@ -70,8 +70,8 @@ def test_a_change_is_one_of_a_shared_parameter_at_one_component_alone():
 
 def test_a_change_goes_with_its_component_and_is_told_of():
     model = axis().changing("push.f", 0.3, "fallen", by=2.0)
-    assert model.without("push").changes == {}
-    assert model.replace("push", Friction(f_c=2.0)).changes == {}
+    assert model.without("push") == axis().without("push")
+    assert model.replace("push", Friction(f_c=2.0)).parameters == {}
     assert "push.f  + fallen from 0.3 s on" in model.describe()
     space: dict[str, object] = {}
     exec(python_code(model), space)
@@ -86,17 +86,22 @@ def test_a_change_goes_with_its_component_and_is_told_of():
         ("push.f", float("inf"), "fallen", "a finite time"),
         ("push.f", 0.1, "taken", "has a parameter of this name"),
         ("push.f", 0.1, "of it", "must be words"),
+        ("carriage.m", 0.1, "fallen", "which makes -1 of it"),
     ],
 )
 def test_what_cannot_change_is_refused(path, time, name, said):
     model = axis(parameters={"taken": Mass().declared_parameters["m"]})
     with pytest.raises(ModelError, match=said):
-        model.changing(path, time, name)
+        model.changing(path, time, name, by=-3.0)
 
 
 def test_a_change_by_nothing_that_there_is_is_refused():
     with pytest.raises(ModelError, match="has no such parameter"):
         axis(changes={"carriage.m": (0.1, "nothing")})
+    with pytest.raises(ModelError, match="the units differ"):
+        axis(parameters={"f": Friction().declared_parameters["f_c"]}, changes={"carriage.m": (0.1, "f")})
+    with pytest.raises(ModelError, match="what changes does so once"):
+        axis().changing("push.f", 0.1, "a").changing("push.f", 0.2, "b")
 
 
 def test_the_description_tells_it():

@@ -22,7 +22,8 @@ EVERYWHERE = "whole record"  # the regime of what acts wherever the machine move
 FEWEST = 3  # blocks that can refute a repair
 REFUTED = 0.1  # chance that windows are predicted as much worse, or worse still, by a model that is as good
 
-Key = tuple[str, ...]  # place, physics, and the parameters that are wrong
+Key = tuple[str, ...]  # place, physics, the parameters that are wrong, and whether they change
+CHANGES = "from some time on"
 Class = Literal["none", "parameter", "sensor", "input", "missing_physics", "unknown_physics", "undecided"]
 
 
@@ -35,8 +36,15 @@ class Strength:
     unit: str
 
 
+def keyed(place: str, physics: str, subject: tuple[str, ...], *, changes: bool) -> Key:
+    """What an explanation is, whatever its numbers are. changes: a parameter is another one from some time on, and not wrong all along."""
+    return (place, physics, *subject, *((CHANGES,) if changes else ()))
+
+
 def titled(place: str, physics: str, *subject: str) -> str:
-    """An explanation in words: what it is, and where, or of which parameters."""
+    """The key of an explanation in words: what it is, and where, or of which parameters."""
+    if subject and subject[-1] == CHANGES:
+        return f"change of {', '.join(subject[:-1])}"
     return f"{physics.replace('_', ' ')} {', '.join(subject) or f'at {place}'}"
 
 
@@ -45,7 +53,7 @@ class Explanation:
     """One explanation of the mismatch: a member of the library at a place. gap: log evidence that it lacks against the one chosen.
 
     subject: the parameters of the model that are said to be wrong, of which a component has several. given: whether it says that a number
-    of the study itself is wrong, also one that is nothing.
+    of the study itself is wrong, also one that is nothing. changes: they are others from some time on, and not all along.
     """
 
     place: str
@@ -53,13 +61,14 @@ class Explanation:
     physics: str
     subject: tuple[str, ...] = ()
     given: bool = False
+    changes: bool = False
     gap: float = 0.0
     parameters: Mapping[str, Strength] = field(default_factory=dict)
 
     @property
     def key(self) -> Key:
         """What it is, whatever its numbers are."""
-        return self.place, self.physics, *self.subject
+        return keyed(self.place, self.physics, self.subject, changes=self.changes)
 
     @property
     def where(self) -> str:

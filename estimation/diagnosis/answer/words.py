@@ -16,7 +16,7 @@ KINDS = {
     "actuator": "An input does not act as it was recorded:",
 }  # family -> how what was found is said
 LEFT_OUT = "The model leaves out"
-CHANGES = "A parameter changes while the machine runs:"
+CHANGE = "A parameter changes while the machine runs:"
 STANDING_OUT = 10.0  # nats, of an effect that is too small to matter: with as much it is told of, for it is there
 NAMED = 3  # of what recordings cannot tell apart
 FEW_BLOCKS = 5  # of what was held out: however plain a gain is, so few cannot make its chance small
@@ -95,14 +95,15 @@ def _clauses(findings: Sequence[Finding]) -> list[str]:
     for f in findings:
         e = f.explanation
         own = numbers(e.parameters) or e.place if e.family == "parameter" else named(e)
-        changes = e.family == "parameter" and f.onset is not None
-        kinds.setdefault(CHANGES if changes else KINDS.get(e.family, LEFT_OUT), []).append(f"{own} {when(f)}" if changes else own)
+        kinds.setdefault(CHANGE if e.changes else KINDS.get(e.family, LEFT_OUT), []).append(f"{own} {when(f)}" if e.changes else own)
     return [f"{kind} {listed(own)}." for kind, own in kinds.items()]
 
 
 def named(explanation: Explanation) -> str:
     """Coulomb friction at carriage (f_c = 20.31 ± 0.12 N); wrong parameter screw.lead = 5.02 ± 0.01 mm."""
     strengths = numbers(explanation.parameters)
+    if explanation.changes and strengths:
+        return strengths
     if explanation.subject and strengths:
         return f"{explanation.physics.replace('_', ' ')} {strengths}"
     return f"{explanation.words} ({strengths})" if strengths else explanation.words

@@ -11,10 +11,11 @@ import numpy as np
 from backsight.models import Model
 from backsight.models.language import Component, Parameter
 
-from ..answer.verdict import Key, titled
+from ..answer.verdict import Key, keyed, titled
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
+FARTHEST = 30.0  # times what it is: no number changes by more
 ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
 
 
@@ -91,11 +92,13 @@ class Since:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A parameter that is larger by a new one, `name`, from a time [s] on (`Model.changing`)."""
+    """A parameter that is larger by a new one, `name`, from a time [s] on (`Model.changing`). least, most: what it may be then."""
 
     path: str
     time: float
     name: str
+    least: float
+    most: float
 
     def __call__(self, model: Model) -> Model:
         return model.changing(self.path, self.time, self.name)
@@ -172,6 +175,7 @@ class Candidate:
     the share, by what that was found to be when it is kept. beside: parameter of the base model -> factor of it where a fit starts, so that
     both together are what it was alone; if it is free. stated: a number that the study itself gives, doubted before one of the model; also
     a mass that it says is nothing. grows: of what is looked at as a signal, parameters that the score is a factor on, the strength first.
+    change: what a parameter of the model, that is looked at from some time on alone, changes by then; its name.
     """
 
     place: str
@@ -196,6 +200,7 @@ class Candidate:
     beside: Mapping[str, float] = field(default_factory=dict)
     stated: bool = False
     grows: tuple[str, ...] = ()
+    change: str = ""
 
     @property
     def all_shape(self) -> bool:
@@ -208,7 +213,7 @@ class Candidate:
 
         That a number of the machine is another one later comes last: what is added then, or acts then, is physics.
         """
-        if self.changed:
+        if self.changes:
             return len(ORDER) + 1
         if self.stated:
             return 0
@@ -279,12 +284,13 @@ class Candidate:
     @property
     def subject(self) -> tuple[str, ...]:
         """The parameters of the model that it says are wrong, or change: a component has several."""
-        return self.changed or (self.strengths if self.family == "parameter" else ())
+        changed = tuple(change.path for change in self.changes)
+        return changed or (self.strengths if self.family == "parameter" else ())
 
     @property
     def key(self) -> Key:
         """What it is, whatever its numbers are."""
-        return self.place, self.physics, *self.subject
+        return keyed(self.place, self.physics, self.subject, changes=bool(self.changes))
 
     @property
     def title(self) -> str:
@@ -299,7 +305,7 @@ class Candidate:
 
     def since(self, time: float | None) -> Candidate | None:
         """The same from a time [s] on; None without one, and for what no strengths tell, of components that come in or of one parameter."""
-        if time is not None and self.family == "parameter" and not self.edits:
+        if time is not None and self.change and not self.edits:
             return self._changing(time)
         own = {name.partition(".")[0] for name in self.strengths} <= {*self.brought}
         if time is None or not self.strengths or self.signals or self.absorbs or not own:
@@ -307,25 +313,23 @@ class Candidate:
         onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
         return replace(self, edits=(*self.edits, onset))
 
-    def _changing(self, time: float) -> Candidate | None:
+    def _changing(self, time: float) -> Candidate:
         """A parameter of the model that is another one from a time [s] on."""
-        if len(self.strengths) != 1:
-            return None
         (path,) = self.strengths
-        value, low, high = self.start[path]
-        name = f"{path.replace('.', '_')}_change"
+        value, least, most = self.start[path]
+        far = FARTHEST * abs(value)
         return replace(
             self,
-            edits=(Change(path=path, time=time, name=name),),
-            strengths=(name,),
-            start={name: (0.0, low - value, high - value)},
-            named={f"change of {path}": name},
+            edits=(Change(path=path, time=time, name=self.change, least=least, most=most),),
+            strengths=(self.change,),
+            start={self.change: (0.0, max(least - most, -far), min(most - least, far))},
+            named={f"change of {path}": self.change},
         )
 
     @property
-    def changed(self) -> tuple[str, ...]:
-        """Parameters of the model that it says change."""
-        return tuple(e.path for e in self.edits if isinstance(e, Change))
+    def changes(self) -> tuple[Change, ...]:
+        """Parameters of the model that are others from a time on."""
+        return tuple(e for e in self.edits if isinstance(e, Change))
 
     @property
     def onset(self) -> float | None:

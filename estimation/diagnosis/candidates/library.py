@@ -38,6 +38,7 @@ LOOKED_AT = 2000  # places of a recording where motions are looked at
 HEARD = 4.0  # mean square of a reading over that of its noise: of less a gain would be one of noise
 UNITS = ("N", "N.m")
 MASSES = ("m", "J")
+LENGTHS = ("m", "rad", "m/rad", "rad/m")
 
 
 def library(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
@@ -239,7 +240,8 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
 def changing(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
     """Every parameter of the machine, free or fixed, that may be another one from some time on. solution, brought: as of `library`.
 
-    They are looked at from times on alone (`Candidate.since`): all along, one that is free gains nothing.
+    They are looked at from times on alone (`Candidate.since`): all along, one that is free gains nothing. Lengths and ratios are none: with
+    another one a machine would stand elsewhere at once.
     """
     reading, found = sensors(model), list[Candidate]()
     for info, value in zip(solution.transcription.dae.parameters, solution.parameters.tolist(), strict=True):
@@ -248,18 +250,17 @@ def changing(problem: Problem, model: Model, solution: Solution, brought: Collec
         own = owner in model.components and word in model.components[owner].declared_parameters and owner not in {*reading, *brought}
         known = info.name in {*model.onsets, *model.changes} or (given is None and not _told(info.name, model))
         wandering = isinstance(given, Free) and (given.drift is not None or given.per_recording)
-        if not own or known or wandering or info.smoothing or value == 0 or info.unit == "rad":
+        geometry = own and (info.unit in LENGTHS or isinstance(model.components[owner], Gear | Rack))
+        if not own or geometry or known or wandering or info.smoothing or value == 0:
             continue
-        size, least, most = abs(value), info.minimum, info.maximum
-        if isinstance(given, Free):
-            least, most = max(least, given.min), min(most, given.max)
         found.append(
             Candidate(
                 place=owner,
                 family="parameter",
                 physics="wrong_parameter",
                 strengths=(info.name,),
-                start={info.name: (value, max(least, value - 0.9 * size), min(most, value + 9 * size))},
+                start={info.name: (value, info.minimum, info.maximum)},
+                change=free_name(model, f"{info.name.replace('.', '_')}_change"),
             )
         )
     return found

@@ -12,6 +12,7 @@ from backsight.models.language import Component
 from backsight.models.signals import Delay, Lag
 
 from ...problem import Known, Problem
+from ...recordings.outliers import screened
 from .candidate import Alike, Candidate, Insert
 
 FASTER = 3.0  # times a state: the next one, its derivative in units of the delay (the poles of a delay of 1 s are at 4 rad/s)
@@ -35,11 +36,12 @@ def _states(block: Component) -> list[str]:
 
 
 def _size(problem: Problem, place: str) -> tuple[float, float] | None:
-    """Middle and half of the range of what was recorded of an input or a sensor; None where that is one value."""
+    """Middle and half of the range of what was recorded of an input or a sensor; of one value that value twice, None of nothing."""
     kind, _, name = place.partition(":")
-    own = [r.inputs if kind == "input" else r.outputs for r in problem.recordings if r.role == "fit"]
+    own = [r.inputs if kind == "input" else screened(r).outputs for r in problem.recordings]
     values = np.concatenate([signals[name] for signals in own if name in signals] or [np.empty(0)])
     values = values[np.isfinite(values)]
-    if not values.size or np.ptp(values) == 0:
+    if not np.any(values):
         return None
-    return float(values.max() + values.min()) / 2, float(np.ptp(values)) / 2
+    middle, half = float(values.max() + values.min()) / 2, float(np.ptp(values)) / 2
+    return middle, half or abs(middle)

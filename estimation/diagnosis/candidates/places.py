@@ -117,8 +117,8 @@ def lent(model: Model, path: str) -> bool:
 
 
 def free_name(model: Model, name: str) -> str:
-    """The name, with underscores behind it as long as a component has it already."""
-    while name in model.components:
+    """The name, with underscores behind it as long as a component, or a parameter of the model, has it already."""
+    while name in model.components or name in model.parameters:
         name += "_"
     return name
 

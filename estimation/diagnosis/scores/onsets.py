@@ -15,7 +15,7 @@ import numpy as np
 
 from ...recordings.recording import Recording
 from .score import Columns, Linearised
-from .screen import Screened, gain, plainly
+from .screen import Screened, gain, only_scale, plainly
 from .supermodel import Look
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -54,11 +54,18 @@ def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], 
 def late(base: Linearised, looks: Sequence[Look], changing: Sequence[Look] = ()) -> Iterator[Look]:
     """What sets in of the effects that are looked at, and the parameters that may change, at a row of times."""
     clock = _Clock.of(base)
-    for look in (*(look for look in looks if look.candidate.physics in SETTING_IN), *changing):
+    for look in (*(look for look in looks if look.candidate.physics in SETTING_IN), *_told(base, clock, changing)):
         for time in clock.grid:
             since = look.candidate.since(time)
             if since is not None:
                 yield Look(candidate=since, shape=look.shape, columns=clock.after(look.columns, time), whole=look)
+
+
+def _told(base: Linearised, clock: _Clock, changing: Sequence[Look]) -> list[Look]:
+    """Those whose parameter does more, from the middle of the recordings on, than scale what residual forces do from then on."""
+    half = clock.grid[len(clock.grid) // 2]
+    scaling = only_scale(base, [clock.after(look.columns, half) for look in changing], clock.after(base.residual_forces, half))
+    return [look for look, scales in zip(changing, scaling, strict=True) if not scales]
 
 
 def dated(base: Linearised, found: Screened) -> Screened:
@@ -100,7 +107,7 @@ def onset(base: Linearised, found: Screened) -> float | None:
 
     Of what might set in as a candidate of its own, what that says; of others, what their score says.
     """
-    if found.candidate.physics in SETTING_IN or found.candidate.changed:
+    if found.candidate.physics in SETTING_IN or found.candidate.changes:
         return found.candidate.onset
     clock = _Clock.of(base)
     first, _ = clock.best(base, found.look.columns, clock.grid)

@@ -182,18 +182,24 @@ def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
     those of the residual forces, which are halved. That gains whatever these cost, and tells nothing.
     """
     given = [look for look in looks if look.candidate.family == "parameter"]
-    if not given or not len(own := base.residual_forces):
-        return list(looks)
-    scores, first, scaling = base.scores(Columns.joined([*(look.columns for look in given), own])), 0, set[int]()
-    last = np.arange(sum(len(look.columns) for look in given), len(scores.b))
+    pairs = zip(given, only_scale(base, [look.columns for look in given], base.residual_forces), strict=True)
+    scaling = {id(look) for look, scales in pairs if scales}
+    return [look for look in looks if id(look) not in scaling]
+
+
+def only_scale(base: Linearised, given: Sequence[Columns], forces: Columns) -> list[bool]:
+    """Which of these do nothing but scale residual forces, with columns `forces`, when all that is free makes up for them."""
+    if not given or not len(forces):
+        return [False] * len(given)
+    scores, first, found = base.scores(Columns.joined([*given, forces])), 0, list[bool]()
+    last = np.arange(sum(len(columns) for columns in given), len(scores.b))
     root = inverse_root(scores.G[np.ix_(last, last)], scores.plain[last])
-    for look in given:
-        at = np.arange(first, first + len(look.columns))
+    for columns in given:
+        at = np.arange(first, first + len(columns))
         first += len(at)
         whole, common = np.trace(scores.G[np.ix_(at, at)]), np.sum((scores.G[np.ix_(at, last)] @ root) ** 2)
-        if common > (1.0 - SCALES) * whole:
-            scaling.add(id(look))
-    return [look for look in looks if id(look) not in scaling]
+        found.append(bool(common > (1.0 - SCALES) * whole))
+    return found
 
 
 def _set_in(best: Mapping[tuple[bool, int], Screened]) -> list[Screened]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...results import Smoothing
 from ..answer.verdict import Explanation, Strength
-from ..candidates.candidate import Candidate
+from ..candidates.candidate import Candidate, Change
 from ..candidates.laws import FASTEST, SLOWEST
 from ..evidence.density_ratio import more_probable_alike, more_probable_at
 from ..evidence.offsets import PREFIX, counted_out
@@ -39,6 +39,7 @@ AT_NOTHING = {"width": 1, "tau": 1, "delay": 1, "limit": 2}  # of (guess, least,
 NEARLY = 0.01  # of that value
 HARDLY = 2.0  # times too large or too small: hardly anybody is so far off with a number of a model
 WRONG = 0.03  # of a parameter of the machine: one so far off is wrong, however little of the forces that is
+IMPOSSIBLE = 3.0  # deviations beyond what a parameter may be
 LATE = ("sensor_delay", "sensor_lag", "input_delay", "input_lag")
 SIGNALS = ("sensor", "actuator")  # families whose effects are no forces
 SAME = 0.99999  # correlation of two effects of which one fit stands for both
@@ -160,7 +161,7 @@ def inside_unseen(found: Screen, inside: Collection[str]) -> list[Screened]:
     """What may be wrong of components that no output shows: the best damping, and parameters. Far from the truth no score tells of it."""
     there = [s for s in found.found if s.candidate.place in inside]
     damping = [s for s in there if s.candidate.physics == "damping"][:1]
-    return [*damping, *(s for s in there if s.candidate.family == "parameter")]
+    return [*damping, *(s for s in there if s.candidate.family == "parameter" and not s.candidate.changes)]
 
 
 def steady(result: Smoothing, candidates: Sequence[Candidate], sizes: Sizes) -> list[Candidate]:
@@ -207,7 +208,7 @@ def matters(s: Screened, sizes: Sizes) -> bool:
 
 def amiss(c: Candidate, change: Sequence[float] | Array) -> bool:
     """Whether it is a parameter of the machine that is wrong by a share of what it was taken for. change (n,): of its strengths."""
-    if c.family != "parameter" or c.changed:
+    if c.family != "parameter" or c.changes:
         return False
     return any(abs(a) > WRONG * abs(c.neutral(name)) for name, a in zip(c.strengths, change, strict=True))
 
@@ -229,6 +230,8 @@ def sound(c: Candidate, f: Fitted) -> bool:
     """
     if f.result is None:
         return False
+    if not all(_possible(change, f.result) for change in c.changes):
+        return False
     if c.larger is not None and not f.result.parameters[c.larger[0]].value > f.result.parameters[c.larger[1]].value:
         return False
     coupled = [c.named[word] for word in COUPLED if word in c.named] if c.dear else []
@@ -241,6 +244,13 @@ def sound(c: Candidate, f: Fitted) -> bool:
     for p in told:
         alike.setdefault(p.unit, []).append((p.std or 0.0, abs(p.value - nothing.get(p.name, c.neutral(p.name)))))
     return all(max(std for std, _ in one) < spread * max(size for _, size in one) for one in alike.values())
+
+
+def _possible(change: Change, result: Smoothing) -> bool:
+    """Whether a parameter may be what it is after its change, as far as its deviation tells."""
+    by = result.parameters[change.name]
+    later, doubt = result.parameters[change.path].value + by.value, IMPOSSIBLE * (by.std or 0.0)
+    return change.least - doubt <= later <= change.most + doubt
 
 
 def clear(s: Screened | None, f: Fitted) -> bool:

@@ -42,7 +42,16 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
         for word, p in _numbers(c, result).items():
             sure = p.std if result.solver.converged else None
             strengths[word] = Strength(value=p.value, std=sure, unit=c.said(p.unit, result.units))
-    return Explanation(place=c.place, family=c.family, physics=c.physics, subject=c.subject, given=c.stated, gap=gap, parameters=strengths)
+    return Explanation(
+        place=c.place,
+        family=c.family,
+        physics=c.physics,
+        subject=c.subject,
+        given=c.stated,
+        changes=bool(c.changes),
+        gap=gap,
+        parameters=strengths,
+    )
 
 
 def _numbers(c: Candidate, result: Smoothing) -> dict[str, ParameterEstimate]:
@@ -73,7 +82,9 @@ def finding(
         if d.key == c.key:
             continue
         gap, as_many = f.ends_with - g.ends_with, g.beside <= f.beside and (d.size <= c.size or g.ends_with > f.ends_with)
-        if _left_open(best, (d, there, g)):
+        if d.changes and not c.changes:
+            others += [explained(d, g.result, gap)] if gap > RIVAL else []  # what acts from then on says it as physics
+        elif _left_open(best, (d, there, g)):
             rivals.append(explained(d, None))
             near.append(there)
         elif d in same or (as_many and sound(d, g) and (d in as_good or (gap < RIVAL and d.key not in refused))):
@@ -84,6 +95,7 @@ def finding(
     if s is not None:
         told = {c.key} | {r.key for r in rivals + others}
         alike = [o for o in found.found if o.candidate.key not in told and found.alike(s, o) > SAME and not beyond(o)]
+        alike = [o for o in alike if c.changes or not o.candidate.changes]
         rivals += [explained(o.candidate, None) for o in alike]
         near += alike
     began = c.onset if s is None else onset(base, s)

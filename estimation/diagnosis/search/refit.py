@@ -32,7 +32,7 @@ from ...smoothing.rest import friction_laws, other_widths
 from ...smoothing.smoother import smoothing
 from ...smoothing.unseen import moving_unseen
 from ...supposed import left_out
-from ..candidates.candidate import Candidate
+from ..candidates.candidate import Candidate, Change
 from ..candidates.memory import remembered
 from ..evidence.held import rescaled
 from ..evidence.latent import held_there, without_force
@@ -47,6 +47,7 @@ FAILURES = (InputError, SolveError, ArithmeticError, np.linalg.LinAlgError)  # o
 HOPELESS = 1.5  # times the base model's cost: a coupling that leaves more at its weights, from where a fit starts, is none
 PLAINLY = 100.0  # nats: a coupling that gains so much where it has not come to rest has not been fitted for nothing
 ONWARD = 3  # times that a fit from the guesses, or of a coupling, goes on where its limit of iterations left it, at most
+SHARE = 0.9  # of the way to where a parameter cannot be: by no more does a fit begin with it changed
 HOLDING = ("coulomb_friction", "stribeck_friction")
 PATIENT = Options(
     tolerance=1e-2, gauss_newton_iterations=200, max_iterations=100, seconds=120.0
@@ -145,8 +146,21 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
         value = start.get(name, guess)
         parameters[name] = Free(float(np.clip(value, low, high)), low, high)
+    for change in candidate.changes:
+        parameters[change.name] = _possible(change, parameters)
     now = replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae, remembered(problem, candidate)))
     return (_put_somewhere(now, candidate) if problem.split.stands or left_out(problem) else now), edited
+
+
+def _possible(change: Change, parameters: Mapping[str, Free | float]) -> Free:
+    """By how much a parameter changes where a fit begins: not to where it cannot be, from the value that the study has of it."""
+    by, given = parameters[change.name], parameters.get(change.path)
+    assert isinstance(by, Free)
+    if given is None:
+        return by
+    value = given.guess if isinstance(given, Free) else given
+    room = (SHARE * (change.least - value), SHARE * (change.most - value))
+    return replace(by, guess=float(np.clip(by.guess, *room)))
 
 
 def _put_somewhere(problem: Problem, candidate: Candidate) -> Problem:

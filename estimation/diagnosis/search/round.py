@@ -44,7 +44,7 @@ from .late_signals import late_as_another, late_unheard
 from .left_over import UNEXPLAINED
 from .refit import at_work, bared, hidden, holds, settled, worth_of
 from .refusals import SIMPLE, Beside, borne_out
-from .runaway import unheld
+from .runaway import Near, unheld
 
 DATES = 3  # times that the date of what sets in is sought anew
 HINT = 0.25  # of the floor: with as much left over and no effect in the round couplings are tried, since what they do hides in inertias
@@ -92,7 +92,9 @@ class Round:
         looks = looked_at(problem, base.model, linearised, candidates)
         if (free := unheld(problem, solution)) is not solution:  # what a bound leaves over alone is nothing that is missing
             looks = identifiable(Linearised(free), looks)
-        changes = looked_at(problem, base.model, linearised, changing(problem, base.model, solution, brought))
+        near = {name for name, free in problem.parameters.items() if isinstance(free, Near)}
+        may_change = [c for c in changing(problem, base.model, solution, brought) if not near & {*c.strengths}]
+        changes = looked_at(problem, base.model, linearised, may_change)
         found = screen(linearised, looks, late(linearised, looks, changes), seed=seed, threads=fits.jobs)
         return cls(
             base=base,
@@ -313,8 +315,8 @@ class Round:
                 return best
             self.fits.say(f"when {c.title} sets in")
             there = Linearised(f.worth.solution)
-            like = changing if c.changed else library
-            again = [d for d in like(f.problem, f.model, f.worth.solution, set(c.brought)) if d.key == c.key]
+            every = library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if not c.changes else [s.look.whole.candidate]
+            again = [d for d in every if d.key == c.key or c.changes]
             looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
             if f.result is None or not looks:
                 return best

@@ -72,7 +72,9 @@ def found(name: str, later: float, *fixed: str) -> Diagnosis:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "later", "fixed"), [("spring.k", 240.0, ()), ("load.m", 1.7, ()), ("load.m", 1.7, ("load.m",))])
+@pytest.mark.parametrize(
+    ("name", "later", "fixed"), [("spring.k", 240.0, ()), ("spring.k", 10.0, ()), ("load.m", 1.7, ()), ("load.m", 1.7, ("load.m",))]
+)
 def test_a_number_that_changes_is_found_with_its_time_and_its_size(name, later, fixed):
     d = found(name, later, *fixed)
     assert (d.verdict, [f.explanation.subject for f in d.findings]) == ("parameter", [(name,)])
@@ -80,7 +82,7 @@ def test_a_number_that_changes_is_found_with_its_time_and_its_size(name, later, 
     assert finding.onset == pytest.approx(AT, abs=0.02)  # steps of its mesh
     (strength,) = finding.explanation.parameters.values()
     assert strength.value == pytest.approx(later - TRUE[name], abs=4 * strength.std)
-    assert strength.std < 0.01 * abs(later - TRUE[name])
+    assert strength.std < 0.03 * abs(later - TRUE[name])
     assert f"A parameter changes while the machine runs: change of {name} = " in sentence(d)
     assert f"from {finding.onset:.4g} s on" in sentence(d)
     assert d.held_out.improvement_percent > 80
@@ -90,10 +92,13 @@ def test_a_number_that_changes_is_found_with_its_time_and_its_size(name, later, 
 
 
 @pytest.mark.slow
-def test_what_acts_from_a_time_on_is_named_before_a_number_that_changes():
-    """A damper that is stronger from then on is viscous friction that sets in."""
-    d = found("damper.d", 9.0)
-    assert [(f.explanation.physics, f.onset == pytest.approx(AT, abs=0.05)) for f in d.findings] == [("viscous_friction", True)]
+@pytest.mark.parametrize(("name", "later", "physics"), [("damper.d", 9.0, "viscous_friction"), ("load.m", 2.5, "added_mass")])
+def test_what_acts_from_a_time_on_is_named_before_a_number_that_changes(name, later, physics):
+    """A damper that is stronger from then on is viscous friction that sets in; so is a heavier load a mass that is added."""
+    d = found(name, later)
+    assert d.verdict == "missing_physics"
+    assert [(f.explanation.physics, f.onset == pytest.approx(AT, abs=0.05)) for f in d.findings] == [(physics, True)]
+    assert d.findings[0].rivals == ()
 
 
 @pytest.mark.slow
@@ -107,8 +112,9 @@ def test_every_number_of_the_machine_may_change_free_or_fixed():
     names = {c.strengths[0] for c in changing(problem, problem.model, result.solution)}
     assert names == {"carriage.m", "friction.d"}  # of what is nothing, or a rounding, there is no share
     assert {c.strengths[0] for c in library(problem, problem.model, result.solution) if c.family == "parameter"} == {"carriage.m"}
-    changed = problem.model.changing("friction.d", 0.3, "more")
-    assert {c.strengths[0] for c in changing(problem, changed, result.solution)} == {"carriage.m"}
+    changed = problem.model.changing("friction.d", 0.3, "carriage_m_change")
+    (once,) = changing(problem, changed, result.solution)
+    assert (once.strengths, once.change) == (("carriage.m",), "carriage_m_change_")  # that name is taken
 
 
 def test_a_change_is_scored_from_its_time_on_and_looked_at_from_times_on_alone():
@@ -119,7 +125,7 @@ def test_a_change_is_scored_from_its_time_on_and_looked_at_from_times_on_alone()
     scored = screen(base, [], late(base, [], looks)).found
     assert all(s.candidate.onset is not None for s in scored)
     best = dated(base, scored[0])
-    assert best.candidate.changed == ("friction.d",)
+    assert best.candidate.subject == ("friction.d",)
     assert best.candidate.onset == pytest.approx(0.8, abs=0.03)
     assert best.estimate == pytest.approx([60.0], rel=0.1)
     assert [e.words for e in best.candidate.edits] == [f"friction.d + friction_d_change from {best.candidate.onset:.4g} s on"]
@@ -129,13 +135,15 @@ def test_a_change_is_named_by_what_changes_and_comes_after_physics():
     problem = posed(run(1.0, 2e-3))
     whole = next(c for c in changing(problem, problem.model, smooth(problem).solution) if c.place == "carriage")
     later = whole.since(0.4)
-    assert later.key == whole.key == ("carriage", "wrong_parameter", "carriage.m")
-    assert (later.onset, later.changed, later.title) == (0.4, ("carriage.m",), "wrong parameter carriage.m")
+    assert later.key != whole.key
+    assert (later.onset, later.subject, later.title) == (0.4, ("carriage.m",), "change of carriage.m")
     assert later.rank > max(c.rank for c in library(problem, problem.model, smooth(problem).solution))
     (name,) = later.strengths
     _, low, high = later.start[name]
     value, least, most = whole.start["carriage.m"]
-    assert (low, high) == (least - value, most - value)
+    assert (low, high) == (-30 * value, 30 * value)
+    (change,) = later.changes
+    assert (change.least, change.most) == (least, most) == (0.0, np.inf)
     assert later.edited(problem.model).changes == {"carriage.m": (0.4, name)}
     assert later.unit(problem.model, name, {}) == "kg"
     assert whole.since(None) is None

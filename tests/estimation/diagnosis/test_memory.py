@@ -37,7 +37,7 @@ def one(physics: str) -> list[Candidate]:
 
 
 def test_a_delay_holds_anything_of_the_size_of_its_signal():
-    problem = machine(recorded(), recorded("held_out", force=100.0 * FORCE))
+    problem = machine(recorded(), recorded("held_out"))
     (delay,), (lag,), (late,) = one("input_delay"), one("input_lag"), one("sensor_delay")
     assert remembered(problem, delay) == {f"input_delay_F.x_{k + 1}": Known((3.0, 0, 0)[k], 5.0 * 3.0**k, always=True) for k in range(3)}
     assert remembered(problem, lag) == {"input_lag_F.y": Known(3.0, 5.0, always=True)}
@@ -45,8 +45,10 @@ def test_a_delay_holds_anything_of_the_size_of_its_signal():
     assert (first.value, first.std) == (pytest.approx(0.5, abs=1e-3), pytest.approx(0.1, abs=1e-3))
 
 
-def test_what_has_no_memory_or_a_signal_of_one_value_remembers_nothing():
-    assert remembered(machine(recorded(force=np.full(400, 2.0))), one("input_delay")[0]) == {}
+def test_of_a_signal_that_has_one_value_it_holds_as_much_and_of_none_nothing():
+    (lag,) = one("input_lag")
+    assert remembered(machine(recorded(force=np.full(400, -2.0))), lag) == {"input_lag_F.y": Known(-2.0, 2.0, always=True)}
+    assert remembered(machine(recorded(force=np.zeros(400))), lag) == {}
     assert remembered(machine(recorded()), one("input_gain")[0]) == {}
 
 

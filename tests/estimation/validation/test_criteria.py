@@ -84,9 +84,18 @@ def test_of_first_states_as_much_counts_as_known_as_one_sample_tells():
     R = np.linalg.qr(np.vstack([E, known[:, 1:]]))[1]
     M = np.max(E[:, :3] ** 2, axis=0)
     whole = R.T @ R + np.diag([*(M - [0.0, 25.0, 0.0]), 0.0])
-    own = np.sum(np.log(M / (2 * np.pi))) - np.log(25.0 / (2 * np.pi)) + 0.3**2
+    own = np.sum(np.log(M / (2 * np.pi))) - np.log(25.0 / (2 * np.pi)) + 0.3**2 * (1 - 25.0 / M[1])
     expected = 0.5 * np.linalg.slogdet(R.T @ R)[1] - 0.5 * np.linalg.slogdet(whole)[1] + 0.5 * own
     assert _unit_information(R, E, np.vstack([known, np.zeros((2, 5))])) == pytest.approx(expected, rel=1e-9)
+
+
+def test_what_one_sample_tells_is_no_edge():
+    """Known a little less, or a little more, than that, and four deviations off."""
+    E = np.random.default_rng(2).normal(size=(20, 2))
+    M = np.max(E[:, 0] ** 2)
+    less, more = (np.array([[4.0, np.sqrt(share * M), 0.0]]) for share in (0.999, 1.001))
+    found = [_unit_information(np.linalg.qr(np.vstack([E, known[:, 1:]]))[1], E, known) for known in (less, more)]
+    assert found[0] == pytest.approx(found[1], abs=0.02)
 
 
 def test_of_first_states_that_are_tied_only_directions_in_which_nothing_is_known_count():
