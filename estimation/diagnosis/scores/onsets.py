@@ -63,6 +63,8 @@ def late(base: Linearised, looks: Sequence[Look], changing: Sequence[Look] = ())
 
 def _told(base: Linearised, clock: _Clock, changing: Sequence[Look]) -> list[Look]:
     """Those whose parameter does more, from the middle of the recordings on, than scale what residual forces do from then on."""
+    if not changing:
+        return []
     half = clock.grid[len(clock.grid) // 2]
     scaling = only_scale(base, [clock.after(look.columns, half) for look in changing], clock.after(base.residual_forces, half))
     return [look for look, scales in zip(changing, scaling, strict=True) if not scales]
