@@ -128,6 +128,7 @@ def test_a_scale_that_is_late_beside_a_rigid_belt_is_no_soft_one():
     found = diagnose(posed_rigid(*(recorded(0.0, seed, role, k=1e8, late=3) for seed, role in ((1, "fit"), (2, "held_out")))))
     (finding,) = found.findings
     assert (finding.explanation.place, finding.explanation.physics) == ("sensor:s", "sensor_delay")
+    assert "sensor_delay_s.x_1" in found.repaired.initial  # what it holds at first
     assert finding.explanation.parameters["delay"].value == pytest.approx(3 * SAMPLE, rel=0.02)
 
 

@@ -212,3 +212,19 @@ def test_of_two_fits_of_one_candidate_each_keeps_its_own_numbers():
     best = scored._kept([(c, s, worse), (c, s, f)])
     assert best.judged[2].gain == f.gain
     assert [fit.gain for _, _, fit in scored.fitted] == [f.gain, worse.gain]
+
+
+def test_the_date_of_a_change_is_sought_anew_beside_its_fit():
+    """A damper that is stronger from 1.2 s on, dated a tenth of a second off."""
+    problem = posed(run(2.0, 2e-3, force=lambda t, _, v: -120.0 * v * (t > 1.2)))
+    result = smoothing(problem, settings=QUICKLY)
+    scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
+    s = next(s for s in scored.found.found if s.candidate.changes and s.candidate.subject == ("friction.d",))
+    off = s.look.whole.candidate.since(1.1)
+    off_there = replace(s, look=replace(s.look, candidate=off))
+    (best,) = _gained(scored.fits.candidates(scored.base, [(off, off_there)]), now)
+    c, _, f = scored._set_in(best)
+    assert c.onset == pytest.approx(1.2, abs=0.02)
+    (name,) = c.strengths
+    assert f.result.parameters[name].value == pytest.approx(120.0, rel=0.05)
+    assert f.gain > best[2].gain
