@@ -320,18 +320,14 @@ class Model:
             if not all(re.fullmatch(r"[A-Za-z_]\w*", part) for part in name.split(".")):
                 raise ModelError(f"model '{self.name}': parameter name {name!r} must be words of letters, digits and underscores")
         for path, to in self.bindings.items():
-            owner, _, word = path.partition(".")
-            declared = self.component(owner).declared_parameters
-            if word not in declared:
-                kind = type(self.components[owner]).__name__
-                raise ModelError(f"binding '{path}': {kind} '{owner}' has no parameter '{word}'; {suggestion(word, declared)}")
+            declared = self._declared("binding", path)
             if to not in self.parameters:
                 raise ModelError(
                     f"binding '{path}' = '{to}': model '{self.name}' has no parameter '{to}'; {suggestion(to, self.parameters)}"
                 )
-            if declared[word].unit != self.parameters[to].unit:
-                raise ModelError(f"binding '{path}' [{declared[word].unit}] = '{to}' [{self.parameters[to].unit}]: the units differ")
-            check_value(f"parameter '{to}' of model '{self.name}', which is {path}", self.parameters[to].default, declared[word])
+            if declared.unit != self.parameters[to].unit:
+                raise ModelError(f"binding '{path}' [{declared.unit}] = '{to}' [{self.parameters[to].unit}]: the units differ")
+            check_value(f"parameter '{to}' of model '{self.name}', which is {path}", self.parameters[to].default, declared)
 
     def _check_onsets(self) -> None:
         for path, onset in self.onsets.items():
@@ -348,7 +344,6 @@ class Model:
                 raise ModelError(
                     f"change '{path}' by '{change[1]}': model '{self.name}' has no such parameter; {suggestion(change[1], self.parameters)}"
                 )
-
             by = self.parameters[change[1]]
             if by.unit != declared.unit:
                 raise ModelError(f"change '{path}' [{declared.unit}] by '{change[1]}' [{by.unit}]: the units differ")

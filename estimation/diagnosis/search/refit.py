@@ -141,26 +141,22 @@ def posed(problem: Problem, model: Model, candidate: Candidate, start: Mapping[s
     for name, factor in candidate.beside.items():
         if isinstance(free := parameters.get(name), Free):
             parameters[name] = replace(free, guess=float(np.clip(factor * free.guess, free.min, free.max)))
+    room = {change.name: _room(change, parameters.get(change.path)) for change in candidate.changes}
     for name in (*candidate.strengths, *candidate.start):
         guess, low, high = candidate.start.get(name, (info[name].value, info[name].minimum, info[name].maximum))
         low, high = max(low, info[name].minimum), min(high, info[name].maximum)
-        value = start.get(name, guess)
+        value = np.clip(start.get(name, guess), *room.get(name, (-np.inf, np.inf)))
         parameters[name] = Free(float(np.clip(value, low, high)), low, high)
-    for change in candidate.changes:
-        parameters[change.name] = _possible(change, parameters)
     now = replace(problem, model=dae, parameters=parameters, initial=known_of(problem, dae, remembered(problem, candidate)))
     return (_put_somewhere(now, candidate) if problem.split.stands or left_out(problem) else now), edited
 
 
-def _possible(change: Change, parameters: Mapping[str, Free | float]) -> Free:
-    """By how much a parameter changes where a fit begins: not to where it cannot be, from the value that the study has of it."""
-    by, given = parameters[change.name], parameters.get(change.path)
-    assert isinstance(by, Free)
+def _room(change: Change, given: Free | float | None) -> tuple[float, float]:
+    """By how much a parameter may change where a fit begins: not to where it cannot be, from the value that the study has of it."""
     if given is None:
-        return by
+        return -np.inf, np.inf
     value = given.guess if isinstance(given, Free) else given
-    room = (SHARE * (change.least - value), SHARE * (change.most - value))
-    return replace(by, guess=float(np.clip(by.guess, *room)))
+    return SHARE * (change.least - value), SHARE * (change.most - value)
 
 
 def _put_somewhere(problem: Problem, candidate: Candidate) -> Problem:

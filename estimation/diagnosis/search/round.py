@@ -315,8 +315,10 @@ class Round:
                 return best
             self.fits.say(f"when {c.title} sets in")
             there = Linearised(f.worth.solution)
-            every = library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if not c.changes else [s.look.whole.candidate]
-            again = [d for d in every if d.key == c.key or c.changes]
+            if c.changes:
+                again = [s.look.whole.candidate]
+            else:
+                again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
             looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
             if f.result is None or not looks:
                 return best
