@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
+from .changes import changes_where
 from .errors import ModelError, suggestion
 from .language import Component, Connector, SignalInput, SignalOutput
 from .model import GROUNDS, Model, Output
@@ -77,13 +77,6 @@ def exchange(model: Model, name: str, component: Component) -> Model:
         start={path: value for path, value in model.start.items() if stays(path)},
         states=tuple(path for path in model.states if stays(path)),
     )
-
-
-def changes_where(model: Model, stays: Callable[[str], bool]) -> dict[str, Any]:
-    """Of a model the changes of parameters that stay; parameters of the model by which others changed go with them."""
-    kept = {path: change for path, change in model.changes.items() if stays(path)}
-    gone = {by for _, by in model.changes.values()} - {by for _, by in kept.values()} - {*model.bindings.values()}
-    return {"changes": kept, "parameters": {name: p for name, p in model.parameters.items() if name not in gone}}
 
 
 def bridged(model: Model, name: str) -> Model | None:

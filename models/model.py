@@ -15,6 +15,8 @@ from .language import Component, Connector, Parameter, Signal, SignalInput, Sign
 
 GROUNDS: dict[type[Connector], type[Component]] = {}
 
+Change = tuple[float, str] | tuple[float, str, float, str]  # of a parameter: see `Model`
+
 
 def ground_of(kind: type[Connector]) -> Callable[[type[Component]], type[Component]]:
     """Class decorator: this component (one connector) is what an element at a one-port place is held against."""
@@ -58,7 +60,8 @@ class Model:
     states       coordinates that stay states where a closed loop leaves a choice, ("joint_1.phi", "joint_2.phi")
     residuals    places whose laws carry a residual force from the start, besides the balances of bodies
     onsets       parameter of a component -> (time [s] from which it has its value, what it is before), {"friction.f_c": (3.2, 0.0)}
-    changes      parameter of a component -> (time [s], parameter of the model that is added from then on), {"load.m": (4.0, "fallen")}
+    changes      parameter, of a component or shared -> (time [s], parameter of the model that is added from then on), {"load.m": (4.0,
+                 "fallen")}; or, of what changes little by little, (time, parameter that is added by then, a later time, the rate of it)
 
     Raises ModelError for an unknown component, connector, variable or parameter, and for a connection of different kinds or units.
     """
@@ -74,7 +77,7 @@ class Model:
     states: Sequence[str] = ()
     residuals: Sequence[str] = ()
     onsets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    changes: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    changes: Mapping[str, Change] = field(default_factory=dict)
     description: str = ""
 
     def __post_init__(self) -> None:
@@ -95,7 +98,10 @@ class Model:
         self._check_names()
         self._check_bindings()
         self._check_onsets()
-        self._check_changes()
+        if self.changes:
+            from .changes import check_changes
+
+            check_changes(self)
 
     def _pair(self, connection: Sequence[str]) -> tuple[str, str]:
         if isinstance(connection, str) or len(connection) != 2:
@@ -209,28 +215,30 @@ class Model:
         """
         return replace(self, onsets={**self.onsets, path: (time, before)})
 
-    def changing(self, path: str, time: float, name: str, by: float = 0.0) -> Model:
-        """The model with a parameter of a component that is another one from a time [s] on: larger by `name`, a new one of the model.
+    def changing(
+        self, path: str, time: float, name: str, by: float = 0.0, *, until: float | None = None, rate: float | None = None
+    ) -> Model:
+        """The model with a parameter that is another one from a time [s] on: larger by `name`, a new one of the model. A load that falls.
 
-        A load that falls is one; a number changes once. by: its value, in the unit of that parameter. Time is as of `since`. Raises
-        ModelError as that does, for a name that is taken, and for what the parameter cannot be.
+        path: of a component, or of one of the model that several share. by: the value of `name`, in the unit of that parameter. With
+        `until` [s] it changes little by little, as what warms up does, and is larger by `name` then: by the share
+
+            (1 - exp(-rate (t - time))) / (1 - exp(-rate (until - time)))
+
+        of it at t. The rate [1/s] is `{name}_rate`, another new one: nothing for a ramp, 1 / (until - time) by default. A number changes
+        once. Times are as of `since`. Raises ModelError as that does, for a name that is taken, and for what the parameter cannot be.
         """
-        declared = self._declared("change", path)
-        if name in self.parameters:
-            raise ModelError(f"changing('{path}', name='{name}'): model '{self.name}' has a parameter of this name; choose another one")
-        if path in self.changes:
-            raise ModelError(f"changing('{path}'): it changes at {self.changes[path][0]:g} s already, and what changes does so once")
-        value = self._value(path)
-        check_value(f"changing('{path}', by={by}), which makes {value + by:g} of it", value + by, declared)
-        change = Parameter(declared.unit, by, nominal=declared.size(value), description=f"by which {path} is larger later")
-        return replace(self, parameters={**self.parameters, name: change}, changes={**self.changes, path: (time, name)})
+        from .changes import changing
+
+        return changing(self, path, time, name, by, until=until, rate=rate)
 
     def without(self, name: str) -> Model:
         """The model without the component `name` and its connections; grounds left with nothing to hold go with it.
 
         What a block with one signal input and one signal output was given, goes where its output went.
         """
-        from .insertion import bridged, changes_where, idle_grounds
+        from .changes import changes_where
+        from .insertion import bridged, idle_grounds
 
         bridge = bridged(self, name)
         if bridge:
@@ -302,7 +310,7 @@ class Model:
             for name, variable in variables.items():
                 self._check_variable(what, name, variable)
         for name, value in self.start.items():
-            if not _is_number(value):
+            if not is_number(value):
                 raise ModelError(f"start '{name}' = {value!r}: a finite number is needed")
         driven = list(self.inputs.values())
         for name, variable in self.inputs.items():
@@ -320,7 +328,7 @@ class Model:
             if not all(re.fullmatch(r"[A-Za-z_]\w*", part) for part in name.split(".")):
                 raise ModelError(f"model '{self.name}': parameter name {name!r} must be words of letters, digits and underscores")
         for path, to in self.bindings.items():
-            declared = self._declared("binding", path)
+            declared = self.declared("binding", path)
             if to not in self.parameters:
                 raise ModelError(
                     f"binding '{path}' = '{to}': model '{self.name}' has no parameter '{to}'; {suggestion(to, self.parameters)}"
@@ -331,29 +339,12 @@ class Model:
 
     def _check_onsets(self) -> None:
         for path, onset in self.onsets.items():
-            self._declared("onset", path)
-            if not (isinstance(onset, tuple) and len(onset) == 2 and all(_is_number(value) for value in onset)):
+            self.declared("onset", path)
+            if not (isinstance(onset, tuple) and len(onset) == 2 and all(is_number(value) for value in onset)):
                 raise ModelError(f"onset '{path}' = {onset!r}: a pair of finite numbers is needed, the time [s] and the value before it")
 
-    def _check_changes(self) -> None:
-        for path, change in self.changes.items():
-            declared = self._declared("change", path)
-            if not (isinstance(change, tuple) and len(change) == 2 and _is_number(change[0]) and isinstance(change[1], str)):
-                raise ModelError(f"change '{path}' = {change!r}: a finite time [s] and the name of a parameter of the model are needed")
-            if change[1] not in self.parameters:
-                raise ModelError(
-                    f"change '{path}' by '{change[1]}': model '{self.name}' has no such parameter; {suggestion(change[1], self.parameters)}"
-                )
-            by = self.parameters[change[1]]
-            if by.unit != declared.unit:
-                raise ModelError(f"change '{path}' [{declared.unit}] by '{change[1]}' [{by.unit}]: the units differ")
-
-    def _value(self, path: str) -> float:
-        """What a parameter of a component is, its own or that of the model which it is bound to."""
-        owner, _, word = path.partition(".")
-        return self.parameters[self.bindings[path]].default if path in self.bindings else self.component(owner).parameters[word]
-
-    def _declared(self, what: str, path: str) -> Parameter:
+    def declared(self, what: str, path: str) -> Parameter:
+        """The parameter of a component that is `what` of the model, an onset or a change; ModelError with the nearest one."""
         owner, _, word = path.partition(".")
         declared = self.component(owner).declared_parameters
         if word not in declared:
@@ -383,7 +374,7 @@ def _kind(end: Connector | Signal | Variable) -> str:
     return "signal input" if isinstance(end, SignalInput) else "signal output" if isinstance(end, SignalOutput) else "variable"
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 

@@ -15,7 +15,7 @@ from ..compilation.flat import connection_sets
 from ..dae import Dae
 from ..errors import SolveError
 from ..language import Component, Signal
-from ..model import Model
+from ..model import Change, Model
 from ..text import abbreviated, equation_text, expression_text, is_longer, wrapped
 from .identifiability import Identifiability, identifiability
 from .isolability import isolability
@@ -47,8 +47,13 @@ def _declared(model: Model, width: int) -> list[str]:
         _table("connections", ((line,) for line in _connections(model)), width),
         _table("shared parameters", ((a, f"= {b}") for a, b in model.bindings.items()), width),
         _table("onsets", ((path, f"from {time:g} s on; {before:g} before") for path, (time, before) in model.onsets.items()), width),
-        _table("changes", ((path, f"+ {by} from {time:g} s on") for path, (time, by) in model.changes.items()), width),
+        _table("changes", ((path, _changing(change)) for path, change in model.changes.items()), width),
     ]
+
+
+def _changing(change: Change) -> str:
+    slowly = f", which it is at {change[2]:g} s, at the rate {change[3]}" if len(change) == 4 else ""
+    return f"+ {change[1]} from {change[0]:g} s on{slowly}"
 
 
 def _connections(model: Model) -> list[str]:

@@ -54,6 +54,35 @@ def test_what_changes_is_larger_from_its_time_on():
     assert simulate(model.with_values(fallen=0.0), TIMES).outputs["v"] == pytest.approx(1.0 - 1.5 * TIMES, abs=1e-9)
 
 
+@pytest.mark.parametrize("rate", [0.0, 1e-7, 2.0, None])
+def test_what_changes_little_by_little_is_larger_by_all_of_it_in_the_end(rate):
+    model = axis().changing("push.f", 0.2, "worn", by=-3.0, until=1.0, rate=rate)
+    assert model.parameters["worn_rate"].default == (1.25 if rate is None else rate)
+    passed, r = np.maximum(TIMES - 0.2, 0.0), model.parameters["worn_rate"].default
+    ramp, waning = passed**2 / 1.6, (passed - (1.0 - np.exp(-r * passed)) / (r or 1.0)) / (1.0 - np.exp(-0.8 * r) or 1.0)
+    gone = waning if r > 1e-3 else ramp  # what the force has done, in closed form
+    assert simulate(model, TIMES).outputs["v"] == pytest.approx(1.0 - 1.5 * (TIMES - gone), abs=1e-6)
+
+
+def test_what_several_share_changes_for_all_of_them():
+    twice = Model(
+        name="two",
+        components={"a": Mass(), "b": Mass()},
+        parameters={"m": Mass().declared_parameters["m"]},
+        bindings={"a.m": "m", "b.m": "m"},
+        outputs={"a": "a.v", "b": "b.v"},
+    )
+    model = twice.insert("a", ConstantForce(f=1.0), "on_a").insert("b", ConstantForce(f=2.0), "on_b").with_values(m=2.0)
+    model = model.changing("m", 0.5, "more", by=2.0)
+    found, slower = simulate(model, TIMES).outputs, 0.25 * np.maximum(TIMES - 0.5, 0.0)
+    assert found["a"] == pytest.approx(-0.5 * TIMES + slower, abs=1e-9)
+    assert found["b"] == pytest.approx(2 * (-0.5 * TIMES + slower), abs=1e-9)
+    assert model.replace("a", Mass()).changes == {"m": (0.5, "more")}  # it is the model's
+    space: dict[str, object] = {}
+    exec(python_code(model), space)
+    assert space["two"]() == model
+
+
 def test_a_change_is_one_of_a_shared_parameter_at_one_component_alone():
     twice = Model(
         name="two",
@@ -73,6 +102,9 @@ def test_a_change_goes_with_its_component_and_is_told_of():
     assert model.without("push") == axis().without("push")
     assert model.replace("push", Friction(f_c=2.0)).parameters == {}
     assert "push.f  + fallen from 0.3 s on" in model.describe()
+    worn = axis().changing("push.f", 0.3, "worn", by=2.0, until=0.9)
+    assert "push.f  + worn from 0.3 s on, which it is at 0.9 s, at the rate worn_rate" in worn.describe()
+    assert worn.replace("push", Friction(f_c=2.0)).parameters == {}
     space: dict[str, object] = {}
     exec(python_code(model), space)
     assert space["axis"]() == model
@@ -84,7 +116,7 @@ def test_a_change_goes_with_its_component_and_is_told_of():
         ("push.g", 0.1, "fallen", "has no parameter 'g'"),
         ("pull.f", 0.1, "fallen", "has no component 'pull'"),
         ("push.f", float("inf"), "fallen", "a finite time"),
-        ("push.f", 0.1, "taken", "has a parameter of this name"),
+        ("push.f", 0.1, "taken", "has a parameter of the name taken"),
         ("push.f", 0.1, "of it", "must be words"),
         ("carriage.m", 0.1, "fallen", "which makes -1 of it"),
     ],
@@ -102,6 +134,24 @@ def test_a_change_by_nothing_that_there_is_is_refused():
         axis(parameters={"f": Friction().declared_parameters["f_c"]}, changes={"carriage.m": (0.1, "f")})
     with pytest.raises(ModelError, match="what changes does so once"):
         axis().changing("push.f", 0.1, "a").changing("push.f", 0.2, "b")
+    with pytest.raises(ModelError, match="no such parameter"):
+        axis(parameters={"m": Mass().declared_parameters["m"]}, changes={"carriage.m": (0.1, "m", 0.2, "rate")})
+
+
+@pytest.mark.parametrize(
+    ("time", "given", "said"),
+    [
+        (0.1, {"rate": 2.0}, "what changes at once has none"),
+        (0.1, {"until": 0.1}, "until a later one"),
+        (0.1, {"until": float("nan")}, "a finite time"),
+        (0.1, {"until": 0.5, "rate": -1.0}, "-1"),
+    ],
+)
+def test_what_cannot_change_little_by_little_is_refused(time, given, said):
+    with pytest.raises(ModelError, match=said):
+        axis().changing("push.f", time, "worn", by=1.0, **given)
+    with pytest.raises(ModelError, match="has a parameter of the name worn_rate"):
+        axis(parameters={"worn_rate": Mass().declared_parameters["m"]}).changing("push.f", 0.1, "worn", until=0.4)
 
 
 def test_the_description_tells_it():

@@ -16,6 +16,7 @@ from ..answer.verdict import Key, keyed, titled
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 FARTHEST = 30.0  # times what it is: no number changes by more
+SLOWEST, FASTEST = 1e-4, 50.0  # rates of what changes little by little, times the time that it takes: a ramp, and next to at once
 ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
 
 
@@ -92,21 +93,31 @@ class Since:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A parameter that is larger by a new one, `name`, from a time [s] on (`Model.changing`). least, most: what it may be then."""
+    """A parameter that is larger by a new one, `name`, from a time [s] on, or little by little until another (`Model.changing`).
+
+    least, most: what it may be then.
+    """
 
     path: str
     time: float
     name: str
     least: float
     most: float
+    until: float | None = None
 
     def __call__(self, model: Model) -> Model:
-        return model.changing(self.path, self.time, self.name)
+        return model.changing(self.path, self.time, self.name, until=self.until)
+
+    @property
+    def rate(self) -> str:
+        """The parameter that says how fast, of what changes little by little."""
+        return f"{self.name}_rate"
 
     @property
     def words(self) -> str:
         """load.m + load_m_change from 4.1 s on."""
-        return f"{self.path} + {self.name} from {self.time:.4g} s on"
+        slowly = "" if self.until is None else f", little by little until {self.until:.4g} s"
+        return f"{self.path} + {self.name} from {self.time:.4g} s on{slowly}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -313,14 +324,21 @@ class Candidate:
         onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
         return replace(self, edits=(*self.edits, onset))
 
-    def _changing(self, time: float) -> Candidate:
-        """A parameter of the model that is another one from a time [s] on."""
+    def slowly(self, time: float, until: float) -> Candidate:
+        """A parameter of the model that changes little by little between two times [s]: from a ramp to what is over at once."""
+        slow, span = self._changing(time, until), until - time
+        (edit,) = slow.changes
+        rate = (1.0 / span, SLOWEST / span, FASTEST / span)
+        return replace(slow, start={**slow.start, edit.rate: rate}, named={**slow.named, "rate": edit.rate})
+
+    def _changing(self, time: float, until: float | None = None) -> Candidate:
+        """A parameter of the model that is another one from a time [s] on, or little by little."""
         (path,) = self.strengths
         value, least, most = self.start[path]
         far = FARTHEST * abs(value)
         return replace(
             self,
-            edits=(Change(path=path, time=time, name=self.change, least=least, most=most),),
+            edits=(Change(path=path, time=time, name=self.change, least=least, most=most, until=until),),
             strengths=(self.change,),
             start={self.change: (0.0, max(least - most, -far), min(most - least, far))},
             named={f"change of {path}": self.change},
@@ -333,8 +351,8 @@ class Candidate:
 
     @property
     def onset(self) -> float | None:
-        """The time from which on it acts [s], None from the start."""
-        return next((e.time for e in self.edits if isinstance(e, Since | Change)), None)
+        """The time from which on it acts [s], None from the start; of what changes little by little none is told."""
+        return next((e.time for e in self.edits if isinstance(e, Since) or (isinstance(e, Change) and e.until is None)), None)
 
     @property
     def of_reading(self) -> bool:

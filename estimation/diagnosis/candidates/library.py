@@ -243,19 +243,22 @@ def changing(problem: Problem, model: Model, solution: Solution, brought: Collec
     They are looked at from times on alone (`Candidate.since`): all along, one that is free gains nothing. Lengths and ratios are none: with
     another one a machine would stand elsewhere at once.
     """
-    reading, found = sensors(model), list[Candidate]()
+    found, shared = list[Candidate](), {to: [path for path, by in model.bindings.items() if by == to] for to in model.parameters}
+    apart = {*sensors(model), *brought}
+    told = {*model.onsets, *model.changes, *(word for change in model.changes.values() for word in change if isinstance(word, str))}
     for info, value in zip(solution.transcription.dae.parameters, solution.parameters.tolist(), strict=True):
-        owner, _, word = info.name.partition(".")
         given = problem.parameters.get(info.name)
-        own = owner in model.components and word in model.components[owner].declared_parameters and owner not in {*reading, *brought}
-        known = info.name in {*model.onsets, *model.changes} or (given is None and not _told(info.name, model))
+        ends = [path.partition(".")[::2] for path in shared.get(info.name, [info.name])]
+        own = bool(ends) and all(o in model.components and word in model.components[o].declared_parameters for o, word in ends)
+        known = info.name in told or (given is None and not _told(info.name, model))
         wandering = isinstance(given, Free) and (given.drift is not None or given.per_recording)
-        geometry = own and (info.unit in LENGTHS or isinstance(model.components[owner], Gear | Rack))
-        if not own or geometry or known or wandering or info.smoothing or value == 0:
+        if not own or known or wandering or info.smoothing or value == 0 or apart & {o for o, _ in ends}:
+            continue
+        if info.unit in LENGTHS or any(isinstance(model.components[o], Gear | Rack) for o, _ in ends):
             continue
         found.append(
             Candidate(
-                place=owner,
+                place=info.name.partition(".")[0],
                 family="parameter",
                 physics="wrong_parameter",
                 strengths=(info.name,),

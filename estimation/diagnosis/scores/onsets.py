@@ -22,6 +22,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 ONSETS = 24  # times that are looked at
 FINER = 17  # and then about the best of these
+RATES = (0.03, 1.5, 5.0, 15.0)  # of what changes little by little, times the time that was recorded
 EDGE = 0.04  # of the recording: what starts before that starts with it
 SETTING_IN = frozenset(
     ("coulomb_friction", "viscous_friction", "constant_force", "added_mass", "input_gain", "input_offset", "sensor_gain", "sensor_bias")
@@ -52,13 +53,19 @@ def _joined(spans: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], 
 
 
 def late(base: Linearised, looks: Sequence[Look], changing: Sequence[Look] = ()) -> Iterator[Look]:
-    """What sets in of the effects that are looked at, and the parameters that may change, at a row of times."""
+    """What sets in of the effects that are looked at, and the parameters that may change, at a row of times and little by little."""
     clock = _Clock.of(base)
-    for look in (*(look for look in looks if look.candidate.physics in SETTING_IN), *_told(base, clock, changing)):
+    told = _told(base, clock, changing)
+    for look in (*(look for look in looks if look.candidate.physics in SETTING_IN), *told):
         for time in clock.grid:
             since = look.candidate.since(time)
             if since is not None:
                 yield Look(candidate=since, shape=look.shape, columns=clock.after(look.columns, time), whole=look)
+    for look in told:
+        slow = look.candidate.slowly(clock.low, clock.high)
+        for rate in RATES:
+            shape = {change.rate: rate / (clock.high - clock.low) for change in slow.changes}
+            yield Look(candidate=slow, shape=look.shape | shape, columns=clock.slowly(look.columns, rate), whole=look)
 
 
 def _told(base: Linearised, clock: _Clock, changing: Sequence[Look]) -> list[Look]:
@@ -149,6 +156,11 @@ class _Clock:
         return self.stretches[0][0]
 
     @property
+    def high(self) -> float:
+        """Of the last sample [s]."""
+        return self.stretches[-1][1]
+
+    @property
     def span(self) -> float:
         """What was recorded altogether [s]."""
         return sum(end - begin for begin, end in self.stretches)
@@ -175,6 +187,15 @@ class _Clock:
         """Of what acts from a time on."""
         squares, multiplied = columns.squares * (self.squares >= time)[:, None], columns.multiplied * (self.multiplied >= time)[:, None]
         return Columns(squares=squares, multiplied=multiplied)
+
+    def slowly(self, columns: Columns, rate: float) -> Columns:
+        """Of what changes little by little from the first to the last sample, at a rate times what is between (`Model.changing`)."""
+
+        def grown(times: Array) -> Array:
+            passed = (times - self.low) / (self.high - self.low)
+            return np.asarray(np.expm1(-rate * np.clip(passed, 0.0, None)) / np.expm1(-rate))[:, None]
+
+        return Columns(squares=columns.squares * grown(self.squares), multiplied=columns.multiplied * grown(self.multiplied))
 
     def best(self, base: Linearised, columns: Columns, times: Sequence[float]) -> tuple[float, float]:
         """The time of these from which on an effect gains most, and how much."""

@@ -105,12 +105,20 @@ def finding(
         gain=float(f.gain),
         change=_change(c, f.result),
         share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,
-        regime=EVERYWHERE if s is None or c.signals or began is not None else sizes.regime(s.look, s.estimate),
+        regime=_regime(c, s, sizes) if began is None else EVERYWHERE,
         onset=began,
         alternatives=tuple(sorted(others, key=lambda e: e.gap)),
         rivals=tuple(rivals),
         separates=_separates(base, best, near),
     )
+
+
+def _regime(c: Candidate, s: Screened | None, sizes: Sizes) -> str:
+    """Where it acts all along; of what changes little by little until when."""
+    gradual = [change.until for change in c.changes if change.until is not None]
+    if gradual:
+        return f"little by little until {gradual[0]:.4g} s"
+    return EVERYWHERE if s is None or c.signals else sizes.regime(s.look, s.estimate)
 
 
 def _chance(found: Screen, s: Screened, f: Fitted) -> float:

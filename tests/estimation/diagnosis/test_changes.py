@@ -47,27 +47,30 @@ def machine() -> Model:
     )
 
 
-def recorded(later: dict[str, float], seed: int, role: str = "fit") -> Recording:
-    """Force held from row to row; from AT on the parameters are those of `later`."""
+def recorded(later: dict[str, float], seed: int, role: str = "fit", rate: float | None = None) -> Recording:
+    """Force held from row to row; from AT on the parameters are those of `later`, or with a rate they near them from the start on."""
     rng, t, state, seen = np.random.default_rng(seed), STEP * np.arange(N), np.zeros(2), np.empty(N)
     force = 20.0 * np.repeat(rng.uniform(-1, 1, N // 25), 25) + 10.0 * np.sin(11.0 * t)
     for k in range(N):
-        p = {**TRUE, **(later if t[k] >= AT - STEP / 2 else {})}
+        changed = later if rate is not None or t[k] >= AT - STEP / 2 else {}
         seen[k] = state[0]
 
-        def rate(_: float, s: np.ndarray, p: dict[str, float] = p, f: float = force[k]) -> list[float]:
+        def moves(t: float, s: np.ndarray, later: dict[str, float] = changed, f: float = force[k]) -> list[float]:
+            share = 1.0 if rate is None else t / STEP / (N - 1) if rate == 0 else 1.0 - np.exp(-rate * t)
+            p = {name: value + share * (later.get(name, value) - value) for name, value in TRUE.items()}
             return [s[1], (f - p["spring.k"] * s[0] - p["damper.d"] * s[1]) / p["load.m"]]
 
-        state = solve_ivp(rate, (0.0, STEP), state, rtol=1e-10, atol=1e-13).y[:, -1]
+        state = solve_ivp(moves, (t[k], t[k] + STEP), state, rtol=1e-10, atol=1e-13).y[:, -1]
     x = seen + NOISE * rng.standard_normal(N)
     return Recording(name=role, time=t, inputs={"F": force}, outputs={"x": x}, output_std={"x": NOISE}, role=role)
 
 
 @cache
-def found(name: str, later: float, *fixed: str) -> Diagnosis:
+def found(name: str, later: float, *fixed: str, rate: float | None = None) -> Diagnosis:
     free = {path: Free(1.2 * value, min=0.1 * value) for path, value in TRUE.items()}
     given = {path: TRUE[path] if path in fixed else guess for path, guess in free.items()}
-    recordings = [recorded({name: later} if name else {}, 3), recorded({name: later} if name else {}, 4, "held_out")]
+    changed = {name: later} if name else {}
+    recordings = [recorded(changed, 3, rate=rate), recorded(changed, 4, "held_out", rate)]
     return diagnose(Problem(model=machine(), recordings=recordings, parameters=given))
 
 
@@ -99,6 +102,26 @@ def test_what_acts_from_a_time_on_is_named_before_a_number_that_changes(name, la
     assert d.verdict == "missing_physics"
     assert [(f.explanation.physics, f.onset == pytest.approx(AT, abs=0.05)) for f in d.findings] == [(physics, True)]
     assert d.findings[0].rivals == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "later", "rate"), [("spring.k", 270.0, 0.8), ("damper.d", 4.0, 0.4), ("load.m", 1.8, 0.0)])
+def test_a_number_that_changes_little_by_little_is_found_with_its_rate(name, later, rate):
+    """A spring that tires, a damper that warms up, a load that runs out."""
+    d = found(name, later, rate=rate)
+    assert (d.verdict, [f.explanation.subject for f in d.findings]) == ("parameter", [(name,)])
+    (finding,), last = d.findings, STEP * (N - 1)
+    assert (finding.onset, finding.regime) == (None, f"little by little until {last:.4g} s")
+    by, there = finding.explanation.parameters[f"change of {name}"], finding.explanation.parameters["rate"]
+    share = 1.0 if rate == 0 else 1.0 - np.exp(-rate * last)
+    assert by.value == pytest.approx(share * (later - TRUE[name]), abs=4 * by.std)
+    assert by.std < 0.03 * abs(later - TRUE[name])
+    assert there.unit == "1/s"
+    assert there.value == pytest.approx(rate, abs=0.02 + (4 * there.std if there.std else 0.0))
+    before = d.after.parameters[name]
+    assert before.value == pytest.approx(TRUE[name], abs=4 * before.std)
+    assert d.held_out.improvement_percent > 80
+    assert "little by little until 5.996 s" in sentence(d)
 
 
 @pytest.mark.slow
