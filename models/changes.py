@@ -1,8 +1,8 @@
-"""Parameters that are others later: all of the change from a time on, or little by little until a later one, as what warms up does."""
+"""Parameters that are others later: from a time on, for a while, or little by little, as what warms up is."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,37 +18,41 @@ NO_RATE = 1e-6  # of a rate times the time that it has: a rate of nothing is a r
 
 def changing(model: Model, path: str, time: float, name: str, by: float, *, until: float | None, rate: float | None) -> Model:
     """The model with a parameter that is another one later; see `Model.changing`."""
-    declared = _declared(model, path)
-    for taken in (name, f"{name}_rate") if until is not None else (name,):
+    declared, rated = _declared(model, path), f"{name}_rate"
+    for taken in (name, rated) if rate is not None else (name,):
         if taken in model.parameters:
             raise ModelError(
                 f"changing('{path}', name='{name}'): model '{model.name}' has a parameter of the name {taken}; choose another one"
             )
-    if path in model.changes:
-        raise ModelError(f"changing('{path}'): it changes at {model.changes[path][0]:g} s already, and what changes does so once")
+    change: Change = (path, time) if until is None else (path, time, until) if rate is None else (path, time, until, rated)
+    if until is None and rate is not None:
+        raise ModelError(
+            f"changing('{path}', rate={rate!r}): what changes at once has none; say with `until` when it is larger by all of it"
+        )
+    _check_times(name, change)
     value = _value(model, path)
     check_value(f"changing('{path}', by={by}), which makes {value + by:g} of it", value + by, declared)
     new = {name: Parameter(declared.unit, by, nominal=declared.size(value), description=f"by which {path} is larger later")}
-    if until is None:
-        if rate is not None:
-            raise ModelError(
-                f"changing('{path}', rate={rate!r}): what changes at once has none; give `until` where it changes little by little"
-            )
-        return replace(model, parameters={**model.parameters, **new}, changes={**model.changes, path: (time, name)})
-    change = (time, name, until, f"{name}_rate")
-    _check_times(path, change)
-    usual = 1.0 / (until - time)
-    new[change[3]] = Parameter(
-        "1/s", usual if rate is None else rate, min=0.0, nominal=usual, description=f"with which {path} changes little by little"
-    )
-    return replace(model, parameters={**model.parameters, **new}, changes={**model.changes, path: change})
+    if until is not None and rate is not None:
+        usual = 1.0 / (until - time)
+        new[rated] = Parameter("1/s", rate, min=0.0, nominal=usual, description=f"with which {path} changes little by little")
+    return replace(model, parameters={**model.parameters, **new}, changes={**model.changes, name: change})
 
 
-def change_at(change: Change, time: SX, values: Mapping[str, SX]) -> SX:
-    """What a parameter is larger by at a time [s]. values: of the parameters of the model."""
-    since, by = change[0], values[change[1]]
-    if len(change) == 2:
-        return ca.if_else(time >= since, by, 0.0)
+def as_changed(model: Model, path: str, value: SX, time: SX, values: Mapping[str, SX]) -> SX:
+    """A parameter, of a component or of the model, as it is at a time [s]. value: without its changes; values: of those of the model."""
+    for name, change in model.changes.items():
+        if change[0] == path:
+            value = value + _course(change, values[name], time, values)
+    return value
+
+
+def _course(change: Change, by: SX, time: SX, values: Mapping[str, SX]) -> SX:
+    """How a change goes."""
+    since = change[1]
+    if len(change) < 4:
+        begun = ca.if_else(time >= since, by, 0.0)
+        return begun if len(change) == 2 else ca.if_else(time >= change[2], 0.0, begun)
     span = change[2] - since
     rate = values[change[3]] * span + NO_RATE
     return by * ca.expm1(-rate * ca.if_else(time >= since, time - since, 0.0) / span) / ca.expm1(-rate)
@@ -56,41 +60,41 @@ def change_at(change: Change, time: SX, values: Mapping[str, SX]) -> SX:
 
 def changes_where(model: Model, stays: Callable[[str], bool]) -> dict[str, Any]:
     """Of a model the changes of parameters that stay, as its own do; parameters of the model by which others changed go with them."""
-    kept = {path: change for path, change in model.changes.items() if path in model.parameters or stays(path)}
-    gone = {*_by(model.changes)} - {*_by(kept)} - {*model.bindings.values()}
+    kept = {name: change for name, change in model.changes.items() if change[0] in model.parameters or stays(change[0])}
+    gone = {*changes_by(model.changes)} - {*changes_by(kept)} - {*model.bindings.values()}
     return {"changes": kept, "parameters": {name: p for name, p in model.parameters.items() if name not in gone}}
 
 
+def changes_by(changes: Mapping[str, Change]) -> list[str]:
+    """The parameters of the model that say by how much others change, and at which rate."""
+    return [word for name, change in changes.items() for word in (name, *change[3:])]
+
+
 def check_changes(model: Model) -> None:
-    """ModelError for a change of what no component declares, by what the model has not, and for times that are none."""
-    for path, change in model.changes.items():
-        declared = _declared(model, path)
-        _check_times(path, change)
-        for name, unit in zip(_by({path: change}), (declared.unit, "1/s"), strict=False):
-            if name not in model.parameters:
-                raise ModelError(
-                    f"change '{path}' by '{name}': model '{model.name}' has no such parameter; {suggestion(name, model.parameters)}"
-                )
-            if (own := model.parameters[name].unit) != unit:
-                raise ModelError(f"change '{path}' [{unit}] by '{name}' [{own}]: the units differ")
+    """ModelError for a change of what nothing declares, by what the model has not, and for times that are none."""
+    for name, change in model.changes.items():
+        _check_times(name, change)
+        declared = _declared(model, change[0])
+        if change[0] in changes_by(model.changes):
+            raise ModelError(f"change '{name}' of '{change[0]}', which is itself a change; let it change what that changes")
+        for word, unit in zip(changes_by({name: change}), (declared.unit, "1/s"), strict=False):
+            if word not in model.parameters:
+                near = suggestion(word, model.parameters)
+                raise ModelError(f"change '{name}' of '{change[0]}': model '{model.name}' has no parameter '{word}'; {near}")
+            if (own := model.parameters[word].unit) != unit:
+                raise ModelError(f"change '{name}' of '{change[0]}': '{word}' is in [{own}] and has to be in [{unit}]")
 
 
-def _check_times(path: str, change: object) -> None:
+def _check_times(name: str, change: object) -> None:
     parts = change if isinstance(change, tuple) else ()
-    numbers, names = parts[::2], parts[1::2]
-    if len(parts) not in (2, 4) or not (all(map(is_number, numbers)) and all(isinstance(name, str) for name in names)):
+    numbers, names = parts[1:3], (*parts[:1], *parts[3:])
+    if not (2 <= len(parts) <= 4 and all(map(is_number, numbers)) and all(isinstance(word, str) for word in names)):
         raise ModelError(
-            f"change '{path}' = {change!r}: a finite time [s] and the name of a parameter of the model are needed; of what changes "
-            "little by little a later time and the name of its rate, too"
+            f"change '{name}' = {change!r}: the name of a parameter and a finite time [s] are needed; of what changes back a later time, "
+            "too, and of what changes little by little that and the name of its rate"
         )
     if len(numbers) == 2 and not numbers[1] > numbers[0]:
-        raise ModelError(f"change '{path}' = {change!r}: it changes from one time [s] until a later one")
-
-
-def _by(changes: Mapping[str, Change]) -> Iterator[str]:
-    """The parameters of the model that say how others change."""
-    for change in changes.values():
-        yield from (word for word in change if isinstance(word, str))
+        raise ModelError(f"change '{name}' = {change!r}: it changes from one time [s] until a later one")
 
 
 def _declared(model: Model, path: str) -> Parameter:

@@ -15,7 +15,7 @@ from .language import Component, Connector, Parameter, Signal, SignalInput, Sign
 
 GROUNDS: dict[type[Connector], type[Component]] = {}
 
-Change = tuple[float, str] | tuple[float, str, float, str]  # of a parameter: see `Model`
+Change = tuple[str, float] | tuple[str, float, float] | tuple[str, float, float, str]  # see `Model`
 
 
 def ground_of(kind: type[Connector]) -> Callable[[type[Component]], type[Component]]:
@@ -60,8 +60,8 @@ class Model:
     states       coordinates that stay states where a closed loop leaves a choice, ("joint_1.phi", "joint_2.phi")
     residuals    places whose laws carry a residual force from the start, besides the balances of bodies
     onsets       parameter of a component -> (time [s] from which it has its value, what it is before), {"friction.f_c": (3.2, 0.0)}
-    changes      parameter, of a component or shared -> (time [s], parameter of the model that is added from then on), {"load.m": (4.0,
-                 "fallen")}; or, of what changes little by little, (time, parameter that is added by then, a later time, the rate of it)
+    changes      parameter of the model -> (parameter, of a component or shared, that it is added to, time [s] from which it is), {"fallen":
+                 ("load.m", 4.0)}, and until when, if not to the end; of what changes little by little until when it has, and its rate
 
     Raises ModelError for an unknown component, connector, variable or parameter, and for a connection of different kinds or units.
     """
@@ -220,13 +220,14 @@ class Model:
     ) -> Model:
         """The model with a parameter that is another one from a time [s] on: larger by `name`, a new one of the model. A load that falls.
 
-        path: of a component, or of one of the model that several share. by: the value of `name`, in the unit of that parameter. With
-        `until` [s] it changes little by little, as what warms up does, and is larger by `name` then: by the share
+        path: of a component, or of one of the model that several share. by: the value of `name`, in the unit of that parameter. until: from
+        then on [s] it is as before, a load that is put down again. With a rate [1/s], too, it changes little by little, as what warms up
+        does, and is larger by `name` at that time: by the share
 
             (1 - exp(-rate (t - time))) / (1 - exp(-rate (until - time)))
 
-        of it at t. The rate [1/s] is `{name}_rate`, another new one: nothing for a ramp, 1 / (until - time) by default. A number changes
-        once. Times are as of `since`. Raises ModelError as that does, for a name that is taken, and for what the parameter cannot be.
+        of it at t; with a rate of nothing that is a ramp. The rate is `{name}_rate`, another new parameter. Times are as of `since`. Raises
+        ModelError as that does, for a name that is taken, and for what the parameter cannot be.
         """
         from .changes import changing
 

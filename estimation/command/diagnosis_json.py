@@ -61,6 +61,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "parameters": {name: asdict(strength) for name, strength in f.explanation.parameters.items()},
         "regime": when(f),
         "onset_s": f.onset,
+        "until_s": f.until,
         "share_of_force": f.share,
         "p_value": f.p_value,
         "log_evidence_gain": f.gain,

@@ -149,7 +149,7 @@ def diagnose(
         verdict = "undecided"
     if verdict == "none" and not first.solver.converged:
         verdict = "undecided"
-    if verdict in ("unknown_physics", "undecided") or any(f.onset is not None for f in search.standing.findings):
+    if verdict in ("unknown_physics", "undecided") or any(f.onset is not None or f.explanation.changes for f in search.standing.findings):
         notes += clocks_notes(posed.recordings)
     return Diagnosis(
         verdict=verdict,

@@ -124,10 +124,10 @@ def _when(found: Diagnosis) -> str:
     for number_, ((place, recording), which) in enumerate(list(by_place.items())[:DRAWN]):
         chosen = [found.mismatch[k] for k in which]
         own = [f for f in found.findings if f.explanation.place in (place, place.partition(".")[0])]
-        onsets, told = [f.onset for f in own if f.onset is not None], [when(f) for f in own]
+        times, told = [time for f in own for time in (f.onset, f.until) if time is not None], [when(f) for f in own]
         said = f"<p>{escape(f'It acts: {joined(told)}.')}</p>" if told else ""
         parts.append(f"<h3>{code(place)} on {code(recording)}</h3>{said}")
-        parts.append(drawn(mismatch_chart(chosen, onsets, label=f"mismatch_{number_}")))
+        parts.append(drawn(mismatch_chart(chosen, times, label=f"mismatch_{number_}")))
         parts.append(drawn(mismatch_scatter(chosen, label=f"mismatch_against_{number_}")))
     return "".join(parts)
 

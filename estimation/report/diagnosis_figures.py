@@ -22,8 +22,11 @@ ABREAST = 4  # panels side by side, and outputs drawn
 SIDES = (("model as declared", COLOURS["residual"]), ("with the repair", COLOURS["smoothed"]))
 
 
-def mismatch_chart(chosen: Sequence[Mismatch], onsets: Sequence[float], *, label: str) -> Chart:
-    """The residual force of one place over time, before the repair and, where there is a second one, after."""
+def mismatch_chart(chosen: Sequence[Mismatch], times: Sequence[float], *, label: str) -> Chart:
+    """The residual force of one place over time, before the repair and, where there is a second one, after.
+
+    times: at which the effect sets in, or ends [s].
+    """
     curves = []
     for m, (name, colour) in zip(chosen[: len(SIDES)], SIDES, strict=False):
         rows, half = envelope(m.force, POINTS), BAND * np.where(np.isfinite(m.std), m.std, 0.0)
@@ -32,12 +35,12 @@ def mismatch_chart(chosen: Sequence[Mismatch], onsets: Sequence[float], *, label
     first = chosen[0]
     seen = first.force[np.isfinite(first.force)]
     ends = np.array([seen.min(), seen.max()]) if seen.size else np.zeros(2)
-    for k, onset in enumerate(onsets):
-        curves.append(Curve(name="from here on", x=np.full(2, onset), y=ends, colour=COLOURS["mean"], look="dashed", legend=k == 0))
+    for k, time in enumerate(times):
+        curves.append(Curve(name="sets in, or ends", x=np.full(2, time), y=ends, colour=COLOURS["mean"], look="dashed", legend=k == 0))
     caption = f"What the model does not explain at {first.place}: the force that would have to act there"
     caption += ", with its 95 % band." if any(c.band is not None for c in curves) else "."
-    if onsets:
-        caption += " Dashed: from when on the effect acts."
+    if times:
+        caption += " Dashed: when the effect sets in, or ends."
     return stack([Panel(curves=curves, y=f"force at {first.place}", y_unit=first.unit, height=230)], caption=caption, label=label)
 
 

@@ -47,13 +47,18 @@ def _declared(model: Model, width: int) -> list[str]:
         _table("connections", ((line,) for line in _connections(model)), width),
         _table("shared parameters", ((a, f"= {b}") for a, b in model.bindings.items()), width),
         _table("onsets", ((path, f"from {time:g} s on; {before:g} before") for path, (time, before) in model.onsets.items()), width),
-        _table("changes", ((path, _changing(change)) for path, change in model.changes.items()), width),
+        _table("changes", (_changing(name, change) for name, change in model.changes.items()), width),
     ]
 
 
-def _changing(change: Change) -> str:
-    slowly = f", which it is at {change[2]:g} s, at the rate {change[3]}" if len(change) == 4 else ""
-    return f"+ {change[1]} from {change[0]:g} s on{slowly}"
+def _changing(name: str, change: Change) -> tuple[str, str]:
+    if len(change) == 4:
+        return change[0], f"+ {name} little by little, {_when(change[1])}, all of it at {change[2]:g} s, at the rate {change[3]}"
+    return change[0], f"+ {name} {_when(*change[1:])}"
+
+
+def _when(since: float, until: float | None = None) -> str:
+    return f"from {since:g} s on" if until is None else f"from {since:g} to {until:g} s"
 
 
 def _connections(model: Model) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from ..changes import change_at
+from ..changes import as_changed
 from ..errors import ModelError, suggestion
 from ..language import Component, Connector, Equation, Parameter, Signal, SignalOutput, Variable
 from ..model import Model
@@ -141,9 +141,8 @@ def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, fl
             if path in model.onsets:
                 onset, before = model.onsets[path]
                 names[word] = ca.if_else(table.time >= onset, names[word], before)
-            for changed in dict.fromkeys((path, model.bindings.get(path, path))):
-                if changed in model.changes:
-                    names[word] = names[word] + change_at(model.changes[changed], table.time, table.parameters)
+            for changing in dict.fromkeys((path, model.bindings.get(path, path))):
+                names[word] = as_changed(model, changing, names[word], table.time, table.parameters)
         for word, variable in component.declared_variables.items():
             rank = 3 if variable.preferred else 2 if variable.state else 1
             names[word] = table.add(_flat(model, f"{name}.{word}", variable, variable.unit, rank))

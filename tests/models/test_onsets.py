@@ -54,11 +54,10 @@ def test_what_changes_is_larger_from_its_time_on():
     assert simulate(model.with_values(fallen=0.0), TIMES).outputs["v"] == pytest.approx(1.0 - 1.5 * TIMES, abs=1e-9)
 
 
-@pytest.mark.parametrize("rate", [0.0, 1e-7, 2.0, None])
+@pytest.mark.parametrize("rate", [0.0, 1e-7, 2.0])
 def test_what_changes_little_by_little_is_larger_by_all_of_it_in_the_end(rate):
     model = axis().changing("push.f", 0.2, "worn", by=-3.0, until=1.0, rate=rate)
-    assert model.parameters["worn_rate"].default == (1.25 if rate is None else rate)
-    passed, r = np.maximum(TIMES - 0.2, 0.0), model.parameters["worn_rate"].default
+    passed, r = np.maximum(TIMES - 0.2, 0.0), rate
     ramp, waning = passed**2 / 1.6, (passed - (1.0 - np.exp(-r * passed)) / (r or 1.0)) / (1.0 - np.exp(-0.8 * r) or 1.0)
     gone = waning if r > 1e-3 else ramp  # what the force has done, in closed form
     assert simulate(model, TIMES).outputs["v"] == pytest.approx(1.0 - 1.5 * (TIMES - gone), abs=1e-6)
@@ -77,7 +76,7 @@ def test_what_several_share_changes_for_all_of_them():
     found, slower = simulate(model, TIMES).outputs, 0.25 * np.maximum(TIMES - 0.5, 0.0)
     assert found["a"] == pytest.approx(-0.5 * TIMES + slower, abs=1e-9)
     assert found["b"] == pytest.approx(2 * (-0.5 * TIMES + slower), abs=1e-9)
-    assert model.replace("a", Mass()).changes == {"m": (0.5, "more")}  # it is the model's
+    assert model.replace("a", Mass()).changes == {"more": ("m", 0.5)}  # it is the model's
     space: dict[str, object] = {}
     exec(python_code(model), space)
     assert space["two"]() == model
@@ -102,8 +101,12 @@ def test_a_change_goes_with_its_component_and_is_told_of():
     assert model.without("push") == axis().without("push")
     assert model.replace("push", Friction(f_c=2.0)).parameters == {}
     assert "push.f  + fallen from 0.3 s on" in model.describe()
-    worn = axis().changing("push.f", 0.3, "worn", by=2.0, until=0.9)
-    assert "push.f  + worn from 0.3 s on, which it is at 0.9 s, at the rate worn_rate" in worn.describe()
+    worn = axis().changing("push.f", 0.3, "worn", by=2.0, until=0.9, rate=1.0)
+    assert "push.f  + worn little by little, from 0.3 s on, all of it at 0.9 s, at the rate worn_rate" in worn.describe()
+    lent = worn.changing("push.f", 0.4, "lent", by=1.0, until=0.6)
+    assert "push.f  + lent from 0.4 to 0.6 s" in lent.describe()
+    exec(python_code(lent), space := {})
+    assert space["axis"]() == lent
     assert worn.replace("push", Friction(f_c=2.0)).parameters == {}
     space: dict[str, object] = {}
     exec(python_code(model), space)
@@ -128,20 +131,29 @@ def test_what_cannot_change_is_refused(path, time, name, said):
 
 
 def test_a_change_by_nothing_that_there_is_is_refused():
-    with pytest.raises(ModelError, match="has no such parameter"):
-        axis(changes={"carriage.m": (0.1, "nothing")})
-    with pytest.raises(ModelError, match="the units differ"):
-        axis(parameters={"f": Friction().declared_parameters["f_c"]}, changes={"carriage.m": (0.1, "f")})
-    with pytest.raises(ModelError, match="what changes does so once"):
-        axis().changing("push.f", 0.1, "a").changing("push.f", 0.2, "b")
-    with pytest.raises(ModelError, match="no such parameter"):
-        axis(parameters={"m": Mass().declared_parameters["m"]}, changes={"carriage.m": (0.1, "m", 0.2, "rate")})
+    m, f = Mass().declared_parameters["m"], Friction().declared_parameters["f_c"]
+    with pytest.raises(ModelError, match="has no parameter 'nothing'"):
+        axis(changes={"nothing": ("carriage.m", 0.1)})
+    with pytest.raises(ModelError, match=r"is in \[N\] and has to be in \[kg\]"):
+        axis(parameters={"f": f}, changes={"f": ("carriage.m", 0.1)})
+    with pytest.raises(ModelError, match="has no parameter 'rate'"):
+        axis(parameters={"m": m}, changes={"m": ("carriage.m", 0.1, 0.2, "rate")})
+    with pytest.raises(ModelError, match="which is itself a change"):
+        axis().changing("push.f", 0.1, "a").changing("a", 0.2, "b")
+
+
+def test_what_changes_for_a_while_and_again_is_the_sum():
+    model = axis().changing("push.f", 0.2, "leant", by=3.0, until=0.4).changing("push.f", 0.3, "pushed", by=-1.0)
+    more = 1.5 * (np.maximum(TIMES - 0.2, 0.0) - np.maximum(TIMES - 0.4, 0.0)) - 0.5 * np.maximum(TIMES - 0.3, 0.0)
+    assert simulate(model, TIMES).outputs["v"] == pytest.approx(1.0 - 1.5 * TIMES - more, abs=1e-9)
+    assert model.without("push") == axis().without("push")
 
 
 @pytest.mark.parametrize(
     ("time", "given", "said"),
     [
         (0.1, {"rate": 2.0}, "what changes at once has none"),
+        (0.1, {"until": 0.1, "rate": 0.0}, "until a later one"),
         (0.1, {"until": 0.1}, "until a later one"),
         (0.1, {"until": float("nan")}, "a finite time"),
         (0.1, {"until": 0.5, "rate": -1.0}, "-1"),
@@ -151,7 +163,7 @@ def test_what_cannot_change_little_by_little_is_refused(time, given, said):
     with pytest.raises(ModelError, match=said):
         axis().changing("push.f", time, "worn", by=1.0, **given)
     with pytest.raises(ModelError, match="has a parameter of the name worn_rate"):
-        axis(parameters={"worn_rate": Mass().declared_parameters["m"]}).changing("push.f", 0.1, "worn", until=0.4)
+        axis(parameters={"worn_rate": Mass().declared_parameters["m"]}).changing("push.f", 0.1, "worn", until=0.4, rate=0.0)
 
 
 def test_the_description_tells_it():

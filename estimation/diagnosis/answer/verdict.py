@@ -86,11 +86,11 @@ class Finding:
     """One effect that the model left out.
 
     explanation: what it is, with its parameters. p_value: chance of as much evidence anywhere in the library if nothing were missing;
-    NaN of what no score tells of.
-    gain: log evidence over the model without it. regime: where it acts, in words; onset: time from which on it does [s], None from the
-    start. share: rms of its force over that of the forces at its place. alternatives: explanations that were refused, with their gaps,
-    best first. rivals: those that these recordings cannot tell from it, and separates: what would tell them apart.
-    change: the edit of the model, in words of code. described: what a force without a name goes with, in words.
+    NaN of what no score tells of. gain: log evidence over the model without it. regime: where it acts, in words; onset: time from which
+    on it does [s], None from the start; until: to which, None to the end. share: rms of its force over that of the forces at its place.
+    alternatives: explanations that were refused, with their gaps, best first. rivals: those that these recordings cannot tell from it, and
+    separates: what would tell them apart. change: the edit of the model, in words of code. described: what a force without a name goes
+    with, in words.
     """
 
     explanation: Explanation
@@ -99,6 +99,7 @@ class Finding:
     change: str
     regime: str = EVERYWHERE
     onset: float | None = None
+    until: float | None = None
     share: float | None = None
     alternatives: tuple[Explanation, ...] = ()
     rivals: tuple[Explanation, ...] = ()

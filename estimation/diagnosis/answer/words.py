@@ -136,6 +136,7 @@ def gain(held: HeldOut | None) -> str:
 
 def when(finding: Finding) -> str:
     """From 2.4 s on, forwards."""
-    since = "" if finding.onset is None else f"from {finding.onset:.4g} s on"
+    until = "on" if finding.until is None else f"to {finding.until:.4g} s"
+    since = "" if finding.onset is None else f"from {finding.onset:.4g} s {until}"
     there = "" if since and finding.regime == EVERYWHERE else finding.regime
     return ", ".join(part for part in (since, there) if part)

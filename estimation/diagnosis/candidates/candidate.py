@@ -93,9 +93,9 @@ class Since:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A parameter that is larger by a new one, `name`, from a time [s] on, or little by little until another (`Model.changing`).
+    """A parameter that is larger by a new one, `name`, from a time [s] on, or until another (`Model.changing`).
 
-    least, most: what it may be then.
+    least, most: what it may be then. gradual: it changes little by little until that time, and not back then.
     """
 
     path: str
@@ -104,9 +104,11 @@ class Change:
     least: float
     most: float
     until: float | None = None
+    gradual: bool = False
 
     def __call__(self, model: Model) -> Model:
-        return model.changing(self.path, self.time, self.name, until=self.until)
+        rate = 1.0 / (self.until - self.time) if self.gradual and self.until is not None else None
+        return model.changing(self.path, self.time, self.name, until=self.until, rate=rate)
 
     @property
     def rate(self) -> str:
@@ -116,8 +118,8 @@ class Change:
     @property
     def words(self) -> str:
         """load.m + load_m_change from 4.1 s on."""
-        slowly = "" if self.until is None else f", little by little until {self.until:.4g} s"
-        return f"{self.path} + {self.name} from {self.time:.4g} s on{slowly}"
+        gradual, until = "little by little " if self.gradual else "", "on" if self.until is None else f"to {self.until:.4g} s"
+        return f"{self.path} + {self.name} {gradual}from {self.time:.4g} s {until}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,8 +265,9 @@ class Candidate:
 
     @property
     def size(self) -> int:
-        """How many parameters it brings, less those that it takes the place of; a time when it sets in is one."""
-        return len({*self.strengths, *self.start}) - len(self.absorbs) + (self.onset is not None)
+        """How many parameters it brings, less those that it takes the place of; a time when it sets in, or ends, is one."""
+        times = (self.onset is not None) + (self.until is not None)
+        return len({*self.strengths, *self.start}) - len(self.absorbs) + times
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Least and largest value of a parameter, as it and the component that it comes with have them.
@@ -314,31 +317,34 @@ class Candidate:
             model = edit(model)
         return model
 
-    def since(self, time: float | None) -> Candidate | None:
-        """The same from a time [s] on; None without one, and for what no strengths tell, of components that come in or of one parameter."""
+    def since(self, time: float | None, until: float | None = None) -> Candidate | None:
+        """The same from a time [s] on; None without one, and for what no strengths tell, of components that come in or of one parameter.
+
+        until: from when on a parameter is as before; what else sets in does not end.
+        """
         if time is not None and self.change and not self.edits:
-            return self._changing(time)
+            return self._changing(time, until)
         own = {name.partition(".")[0] for name in self.strengths} <= {*self.brought}
-        if time is None or not self.strengths or self.signals or self.absorbs or not own:
+        if time is None or until is not None or not self.strengths or self.signals or self.absorbs or not own:
             return None
         onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
         return replace(self, edits=(*self.edits, onset))
 
     def slowly(self, time: float, until: float) -> Candidate:
         """A parameter of the model that changes little by little between two times [s]: from a ramp to what is over at once."""
-        slow, span = self._changing(time, until), until - time
+        slow, span = self._changing(time, until, gradual=True), until - time
         (edit,) = slow.changes
         rate = (1.0 / span, SLOWEST / span, FASTEST / span)
         return replace(slow, start={**slow.start, edit.rate: rate}, named={**slow.named, "rate": edit.rate})
 
-    def _changing(self, time: float, until: float | None = None) -> Candidate:
-        """A parameter of the model that is another one from a time [s] on, or little by little."""
+    def _changing(self, time: float, until: float | None, *, gradual: bool = False) -> Candidate:
+        """A parameter of the model that is another one from a time [s] on, or until another, or little by little."""
         (path,) = self.strengths
         value, least, most = self.start[path]
         far = FARTHEST * abs(value)
         return replace(
             self,
-            edits=(Change(path=path, time=time, name=self.change, least=least, most=most, until=until),),
+            edits=(Change(path=path, time=time, name=self.change, least=least, most=most, until=until, gradual=gradual),),
             strengths=(self.change,),
             start={self.change: (0.0, max(least - most, -far), min(most - least, far))},
             named={f"change of {path}": self.change},
@@ -352,7 +358,12 @@ class Candidate:
     @property
     def onset(self) -> float | None:
         """The time from which on it acts [s], None from the start; of what changes little by little none is told."""
-        return next((e.time for e in self.edits if isinstance(e, Since) or (isinstance(e, Change) and e.until is None)), None)
+        return next((e.time for e in self.edits if isinstance(e, Since) or (isinstance(e, Change) and not e.gradual)), None)
+
+    @property
+    def until(self) -> float | None:
+        """The time until which it acts [s], None to the end."""
+        return next((change.until for change in self.changes if not change.gradual), None)
 
     @property
     def of_reading(self) -> bool:

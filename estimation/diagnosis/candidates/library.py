@@ -28,7 +28,7 @@ from .couplings import Behind, of_coupling, of_ideal, of_soft
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, between, of_law
 from .loads import of_loads
-from .places import Spot, bodies, elements, free_name, neighbours, own_name, sensors, source
+from .places import Spot, bodies, elements, free_name, neighbours, of_machine, own_name, sensors, source
 from .presliding import of_presliding
 from .waves import fine_periods
 
@@ -38,7 +38,6 @@ LOOKED_AT = 2000  # places of a recording where motions are looked at
 HEARD = 4.0  # mean square of a reading over that of its noise: of less a gain would be one of noise
 UNITS = ("N", "N.m")
 MASSES = ("m", "J")
-LENGTHS = ("m", "rad", "m/rad", "rad/m")
 
 
 def library(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
@@ -220,7 +219,7 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
         given = problem.parameters.get(without_case(info.name))  # one that every recording has of its own is given once
         if isinstance(given, Free) or info.smoothing or value == 0 or owner in {*reading, *brought} or info.unit == "rad":
             continue
-        if given is None and not _told(info.name, model):
+        if given is None and not of_machine(info.name, model):
             continue
         size = abs(float(value))
         found.append(
@@ -237,38 +236,6 @@ def _fixed(problem: Problem, model: Model, dae: Dae, values: Array, brought: Col
     return found + _tilting(model, found)
 
 
-def changing(problem: Problem, model: Model, solution: Solution, brought: Collection[str] = ()) -> list[Candidate]:
-    """Every parameter of the machine, free or fixed, that may be another one from some time on. solution, brought: as of `library`.
-
-    They are looked at from times on alone (`Candidate.since`): all along, one that is free gains nothing. Lengths and ratios are none: with
-    another one a machine would stand elsewhere at once.
-    """
-    found, shared = list[Candidate](), {to: [path for path, by in model.bindings.items() if by == to] for to in model.parameters}
-    apart = {*sensors(model), *brought}
-    told = {*model.onsets, *model.changes, *(word for change in model.changes.values() for word in change if isinstance(word, str))}
-    for info, value in zip(solution.transcription.dae.parameters, solution.parameters.tolist(), strict=True):
-        given = problem.parameters.get(info.name)
-        ends = [path.partition(".")[::2] for path in shared.get(info.name, [info.name])]
-        own = bool(ends) and all(o in model.components and word in model.components[o].declared_parameters for o, word in ends)
-        known = info.name in told or (given is None and not _told(info.name, model))
-        wandering = isinstance(given, Free) and (given.drift is not None or given.per_recording)
-        if not own or known or wandering or info.smoothing or value == 0 or apart & {o for o, _ in ends}:
-            continue
-        if info.unit in LENGTHS or any(isinstance(model.components[o], Gear | Rack) for o, _ in ends):
-            continue
-        found.append(
-            Candidate(
-                place=info.name.partition(".")[0],
-                family="parameter",
-                physics="wrong_parameter",
-                strengths=(info.name,),
-                start={info.name: (value, info.minimum, info.maximum)},
-                change=free_name(model, f"{info.name.replace('.', '_')}_change"),
-            )
-        )
-    return found
-
-
 def _tilting(model: Model, single: Sequence[Candidate]) -> list[Candidate]:
     """Both moments of inertia about the axes that a body in space tilts about: computed, not weighed, they are wrong together."""
     by_name, found = {c.strengths[0]: c for c in single}, list[Candidate]()
@@ -281,12 +248,6 @@ def _tilting(model: Model, single: Sequence[Candidate]) -> list[Candidate]:
                 start, named = {**x.start, **y.start}, {**x.named, **y.named}
                 found.append(replace(x, strengths=(*x.strengths, *y.strengths), start=start, named=named, stated=x.stated or y.stated))
     return found
-
-
-def _told(name: str, model: Model) -> bool:
-    """Whether a parameter that the study does not name is a property of the machine: not a constant of nature, nor of a neutral block."""
-    owner, _, word = name.partition(".")
-    return word != "g" and not (owner in model.components and model.components[owner].parameters.get(word) == 1.0)
 
 
 class _Motions:

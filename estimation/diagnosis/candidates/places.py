@@ -110,6 +110,12 @@ def own_name(model: Model, path: str) -> str:
     return model.bindings.get(path, path)
 
 
+def of_machine(name: str, model: Model) -> bool:
+    """Whether a parameter that the study does not name is a property of the machine: not a constant of nature, nor of a neutral block."""
+    owner, _, word = name.partition(".")
+    return word != "g" and not (owner in model.components and model.components[owner].parameters.get(word) == 1.0)
+
+
 def lent(model: Model, path: str) -> bool:
     """Whether a parameter of the model stands for that of another component too."""
     called = own_name(model, path)

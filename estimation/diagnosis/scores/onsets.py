@@ -20,6 +20,8 @@ from .supermodel import Look
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
+Span = tuple[float, float | None]  # from when until when something acts [s]; None: to the end
+
 ONSETS = 24  # times that are looked at
 FINER = 17  # and then about the best of these
 RATES = (0.03, 1.5, 5.0, 15.0)  # of what changes little by little, times the time that was recorded
@@ -60,12 +62,17 @@ def late(base: Linearised, looks: Sequence[Look], changing: Sequence[Look] = ())
         for time in clock.grid:
             since = look.candidate.since(time)
             if since is not None:
-                yield Look(candidate=since, shape=look.shape, columns=clock.after(look.columns, time), whole=look)
-    for look in told:
-        slow = look.candidate.slowly(clock.low, clock.high)
-        for rate in RATES:
-            shape = {change.rate: rate / (clock.high - clock.low) for change in slow.changes}
-            yield Look(candidate=slow, shape=look.shape | shape, columns=clock.slowly(look.columns, rate), whole=look)
+                yield Look(candidate=since, shape=look.shape, columns=clock.during(look.columns, time), whole=look)
+        if look.candidate.change:
+            yield from _slowly(clock, look)
+
+
+def _slowly(clock: _Clock, look: Look) -> Iterator[Look]:
+    """A parameter that changes little by little over all that was recorded, at several rates."""
+    candidate = look.candidate.slowly(clock.low, clock.high)
+    for rate in RATES:
+        shape = {change.rate: rate / (clock.high - clock.low) for change in candidate.changes}
+        yield Look(candidate=candidate, shape=look.shape | shape, columns=clock.slowly(look.columns, rate), whole=look)
 
 
 def _told(base: Linearised, clock: _Clock, changing: Sequence[Look]) -> list[Look]:
@@ -73,41 +80,49 @@ def _told(base: Linearised, clock: _Clock, changing: Sequence[Look]) -> list[Loo
     if not changing:
         return []
     half = clock.grid[len(clock.grid) // 2]
-    scaling = only_scale(base, [clock.after(look.columns, half) for look in changing], clock.after(base.residual_forces, half))
+    scaling = only_scale(base, [clock.during(look.columns, half) for look in changing], clock.during(base.residual_forces, half))
     return [look for look, scales in zip(changing, scaling, strict=True) if not scales]
 
 
 def dated(base: Linearised, found: Screened) -> Screened:
-    """With the time when it sets in found more closely; as it is if it acts all along."""
+    """With the times when it sets in, and ends, found more closely; as it is if it acts all along."""
     clock, whole, onset = _Clock.of(base), found.look.whole, found.candidate.onset
     if whole is None or onset is None:
         return found
-    time, most = clock.best(base, whole.columns, clock.about(onset, clock.step))
-    since = whole.candidate.since(time)
+    span, most = (onset, found.candidate.until), found.gain
+    for spans in (clock.begun_about, clock.ended_about):
+        times = spans(span, clock.step)
+        if times:
+            there, gains = clock.best(base, whole.columns, times)
+            span, most = (there, gains) if gains > most else (span, most)
+    since = whole.candidate.since(*span)
     if since is None or most <= found.gain:
         return found
-    columns = clock.after(whole.columns, time)
-    there = base.scores(columns)
-    estimate = np.asarray(np.linalg.lstsq(there.G, -there.b, rcond=None)[0], dtype=np.float64)
+    columns = clock.during(whole.columns, *span)
+    at = base.scores(columns)
+    estimate = np.asarray(np.linalg.lstsq(at.G, -at.b, rcond=None)[0], dtype=np.float64)
     look = replace(found.look, candidate=since, columns=columns)
     return replace(found, look=look, gain=most, estimate=estimate, origin=found.origin or found)
 
 
-def moved(base: Linearised, whole: Look, strengths: Array, onset: float) -> tuple[float, float]:
-    """When an effect sets in that a fit has from `onset` on, and what that gains beside it [nats], with these strengths.
+def moved(base: Linearised, whole: Look, strengths: Array, span: Span) -> tuple[Span, float]:
+    """When an effect sets in, and ends, that a fit has in a span, and what that gains beside it [nats], with these strengths.
 
     base: of the fit; whole: a look there at the same effect acting all along.
     """
     clock = _Clock.of(base)
-    had, best, most = clock.after(whole.columns, onset), onset, 0.0
+    had, best, most = clock.during(whole.columns, *span), span, 0.0
     for step in (clock.step, clock.step / (FINER - 1)):
-        times = clock.about(best, step)
-        parts = [clock.after(whole.columns, time).less(had).times(strengths) for time in times]
-        scores = base.scores(Columns.joined(parts))
-        gains = -scores.b - np.diag(scores.G) / 2
-        k = int(np.argmax(gains))
-        if gains[k] > most:
-            best, most = times[k], float(gains[k])
+        for about in (clock.begun_about, clock.ended_about):
+            spans = about(best, step)
+            if not spans:
+                continue
+            parts = [clock.during(whole.columns, *one).less(had).times(strengths) for one in spans]
+            scores = base.scores(Columns.joined(parts))
+            gains = -scores.b - np.diag(scores.G) / 2
+            k = int(np.argmax(gains))
+            if gains[k] > most:
+                best, most = spans[k], float(gains[k])
     return best, most
 
 
@@ -119,8 +134,8 @@ def onset(base: Linearised, found: Screened) -> float | None:
     if found.candidate.physics in SETTING_IN or found.candidate.changes:
         return found.candidate.onset
     clock = _Clock.of(base)
-    first, _ = clock.best(base, found.look.columns, clock.grid)
-    time, most = clock.best(base, found.look.columns, clock.about(first, clock.step))
+    first, _ = clock.best(base, found.look.columns, [(time, None) for time in clock.grid])
+    (time, _), most = clock.best(base, found.look.columns, clock.begun_about(first, clock.step))
     return time if plainly(most, found.gain) and time > clock.low + EDGE * clock.span else None
 
 
@@ -179,14 +194,26 @@ class _Clock:
         evenly = [self.stretches[k][0] + float(time - ended[k]) for k, time in zip(within, passed, strict=True)]
         return sorted([*evenly, *(later[0] for earlier, later in pairwise(self.stretches) if later[0] - earlier[1] > self.step)])
 
-    def about(self, time: float, step: float) -> list[float]:
-        """Times about one, a step before to a step after it [s]."""
+    def begun_about(self, span: Span, step: float) -> list[Span]:
+        """Spans that begin about as one does, a step before to a step after it [s]."""
+        since, until = span
+        return [(time, until) for time in self._about(since, step) if until is None or time < until]
+
+    def ended_about(self, span: Span, step: float) -> list[Span]:
+        """Spans that end about as one does; none of what does not end."""
+        since, until = span
+        return [] if until is None else [(since, time) for time in self._about(until, step) if time > since]
+
+    def _about(self, time: float, step: float) -> list[float]:
         return [time + step * (2 * k / (FINER - 1) - 1) for k in range(FINER)]
 
-    def after(self, columns: Columns, time: float) -> Columns:
-        """Of what acts from a time on."""
-        squares, multiplied = columns.squares * (self.squares >= time)[:, None], columns.multiplied * (self.multiplied >= time)[:, None]
-        return Columns(squares=squares, multiplied=multiplied)
+    def during(self, columns: Columns, since: float, until: float | None = None) -> Columns:
+        """Of what acts from a time on, or until another."""
+
+        def acting(times: Array) -> Array:
+            return np.asarray((times >= since) & (times < (np.inf if until is None else until)), dtype=float)[:, None]
+
+        return Columns(squares=columns.squares * acting(self.squares), multiplied=columns.multiplied * acting(self.multiplied))
 
     def slowly(self, columns: Columns, rate: float) -> Columns:
         """Of what changes little by little from the first to the last sample, at a rate times what is between (`Model.changing`)."""
@@ -197,9 +224,9 @@ class _Clock:
 
         return Columns(squares=columns.squares * grown(self.squares), multiplied=columns.multiplied * grown(self.multiplied))
 
-    def best(self, base: Linearised, columns: Columns, times: Sequence[float]) -> tuple[float, float]:
-        """The time of these from which on an effect gains most, and how much."""
-        scores, n = base.scores(Columns.joined([self.after(columns, time) for time in times])), len(columns)
-        gains = [gain(scores, range(k * n, (k + 1) * n)) for k in range(len(times))]
+    def best(self, base: Linearised, columns: Columns, spans: Sequence[Span]) -> tuple[Span, float]:
+        """The span of these in which an effect gains most, and how much."""
+        scores, n = base.scores(Columns.joined([self.during(columns, *span) for span in spans])), len(columns)
+        gains = [gain(scores, range(k * n, (k + 1) * n)) for k in range(len(spans))]
         k = int(np.argmax(gains))
-        return times[k], gains[k]
+        return spans[k], gains[k]

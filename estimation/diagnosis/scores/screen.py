@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain, product
+from itertools import chain, groupby, product
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from ..candidates.candidate import Candidate
 from .chance import DRAWS, Chance
 from .score import Columns, Drawn, Linearised, Scores
 from .supermodel import Look
+from .windows import best_window
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = np.ndarray[tuple[int, ...], np.dtype[np.int64]]
@@ -77,6 +78,9 @@ class Screened:
         return self.look.candidate
 
 
+Scored = tuple[Screened, Array, int]  # what the best of so many looks would gain by every draw, (draws,)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Screen:
     """Best first, each candidate once.
@@ -113,18 +117,18 @@ def screen(
     base: Linearised, looks: Sequence[Look], late: Iterable[Look] = (), *, seed: int = 0, draws: int = DRAWS, threads: int = 1
 ) -> Screen:
     """Scores of all looks, but of parameters that only scale what is left over. late: of what sets in; seed, draws: of chances."""
-    best, freedoms = dict[tuple[bool, int], Screened](), Counter[int]()
+    best, freedoms = dict[tuple[int, int], Screened](), Counter[int]()
     shapes, most = dict[int, list[Screened]](), np.zeros(draws)
     for scored in in_order(_scored(base, chain(told(base, looks), late), seed, draws), threads):
-        for found, gained in scored:
+        for found, gained, count in scored:
             look = found.look
             if look.whole is None:
                 shapes.setdefault(id(look.candidate), []).append(found)
             if not found.freedom:
                 continue
             most = np.maximum(most, gained)
-            freedoms[found.freedom] += 1
-            key = (True, id(look.whole)) if look.whole else (False, id(look.candidate))
+            freedoms[found.freedom] += count
+            key = (1 + (look.candidate.until is not None), id(look.whole)) if look.whole else (0, id(look.candidate))
             if key not in best or found.shape_gain > best[key].shape_gain:
                 best[key] = found
     ordered = tuple(sorted(_inflated(base, _set_in(best), threads), key=lambda s: (-_adjusted(s), s.candidate.rank)))
@@ -154,8 +158,8 @@ def identifiable(base: Linearised, looks: Sequence[Look]) -> list[Look]:
     return found
 
 
-def _scored(base: Linearised, looks: Iterable[Look], seed: int, draws: int) -> Iterator[Callable[[], list[tuple[Screened, Array]]]]:
-    """Calls that give some looks with their scores, and what each would gain by every draw, (draws,)."""
+def _scored(base: Linearised, looks: Iterable[Look], seed: int, draws: int) -> Iterator[Callable[[], list[Scored]]]:
+    """Calls that give some looks with their scores."""
     drawn = dict[int, Drawn]()
     for batch, at_rest in _batches(looks):
         there, joined = seen(base, Columns.joined([look.columns for look in batch]), at_rest)
@@ -164,15 +168,31 @@ def _scored(base: Linearised, looks: Iterable[Look], seed: int, draws: int) -> I
         yield partial(_batch, batch, there, joined, drawn[id(there)])
 
 
-def _batch(batch: Sequence[Look], there: Linearised, joined: Columns, drawn: Drawn) -> list[tuple[Screened, Array]]:
-    scores, b, first, out = there.scores(joined), drawn.b(joined), 0, list[tuple[Screened, Array]]()
-    for look in batch:
-        at = np.arange(first, first + len(look.columns))
-        first += len(look.columns)
-        one = Scores(b=scores.b[at], G=scores.G[np.ix_(at, at)], plain=scores.plain[at])
-        root = inverse_root(one.G, one.plain)
-        out.append((_judged(look, one, root), _gained(look, replace(one, b=b[at]), root)[0]))
+def _batch(batch: Sequence[Look], there: Linearised, joined: Columns, drawn: Drawn) -> list[Scored]:
+    scores, b, first, out = there.scores(joined), drawn.b(joined), 0, list[Scored]()
+
+    def taken(at: Index) -> Scores:
+        return Scores(b=scores.b[at], G=scores.G[np.ix_(at, at)], plain=scores.plain[at])
+
+    for _, group in groupby(batch, key=_of_one):
+        looks, begun = list(group), first
+        for look in looks:
+            at = np.arange(first, first := first + len(look.columns))
+            one = taken(at)
+            root = inverse_root(one.G, one.plain)
+            out.append((_judged(look, one, root), _gained(look, replace(one, b=b[at]), root)[0], 1))
+        if (
+            first - begun == len(looks) > 1
+            and (window := best_window(looks, taken(at := np.arange(begun, first)), b[at], LEFT)) is not None
+        ):
+            one = window.scores
+            out.append((_judged(window.look, one, inverse_root(one.G, one.plain)), window.gained, window.count))
     return out
+
+
+def _of_one(look: Look) -> tuple[bool, int]:
+    """What looks at one effect that sets in have in common."""
+    return look.whole is not None, id(look.whole or look)
 
 
 def told(base: Linearised, looks: Sequence[Look]) -> list[Look]:
@@ -204,10 +224,15 @@ def only_scale(base: Linearised, given: Sequence[Columns], forces: Columns) -> l
     return found
 
 
-def _set_in(best: Mapping[tuple[bool, int], Screened]) -> list[Screened]:
-    """The best looks without those at what sets in that gain hardly more than if it acts all along."""
-    whole = {of: s.gain for (late, of), s in best.items() if not late}
-    return [s for s in best.values() if s.look.whole is None or plainly(s.gain, whole.get(id(s.look.whole.candidate), 0.0))]
+def _set_in(best: Mapping[tuple[int, int], Screened]) -> list[Screened]:
+    """The best looks without those at what sets in that gain hardly more than if it acts all along, or does not end."""
+    whole, found = {of: s.gain for (late, of), s in best.items() if late == 0}, list[Screened]()
+    for (late, of), s in best.items():
+        least = whole.get(id(s.look.whole.candidate), 0.0) if s.look.whole else 0.0
+        onward, ends = (best[there, of].gain if (there, of) in best else 0.0 for there in (1, 2))
+        if late == 0 or (plainly(s.gain, max(least, onward)) if late == 2 else plainly(s.gain, least) and not plainly(ends, onward)):
+            found.append(s)
+    return found
 
 
 def plainly(late: float, whole: float) -> bool:
@@ -248,15 +273,15 @@ def seen(base: Linearised, columns: Columns, at_rest: bool) -> tuple[Linearised,
 
 
 def _batches(looks: Iterable[Look]) -> Iterator[tuple[list[Look], bool]]:
-    """Some at a time, and whether what they look at acts on bodies at rest, too."""
+    """Some at a time, those at one effect that sets in together, and whether what they look at acts on bodies at rest, too."""
     open_ones = {True: list[Look](), False: list[Look]()}
-    for look in looks:
-        at_rest = look.candidate.family in HOLD_AT_REST
+    for group in (list(group) for _, group in groupby(looks, key=_of_one)):
+        at_rest = group[0].candidate.family in HOLD_AT_REST
         batch = open_ones[at_rest]
-        if batch and sum(len(one.columns) for one in batch) + len(look.columns) > BATCH:
+        if batch and sum(len(one.columns) for one in (*batch, *group)) > BATCH:
             yield batch, at_rest
             batch = open_ones[at_rest] = []
-        batch.append(look)
+        batch.extend(group)
     yield from ((batch, at_rest) for at_rest, batch in open_ones.items() if batch)
 
 

@@ -141,7 +141,7 @@ def limits(found: Screen, sizes: Sizes, model: Model, skipped: set[Key]) -> list
     out, deviations = dict[tuple[str, ...], Undetectable](), max(float(np.sqrt(2.0 * found.chance.needed(SURE))), CERTAIN)
     for s in found.found:
         c = s.candidate
-        if c.key in skipped or c.onset is not None or not (c.signals or c.strengths):
+        if c.key in skipped or c.onset is not None or c.changes or not (c.signals or c.strengths):
             continue
         shapes = [replace(one, inflation=s.inflation) for one in found.shapes.get(id(c), (s,))]
         path, strength = _of_signal(shapes, sizes, deviations) if c.all_shape else _of_strength(shapes, sizes, deviations)

@@ -55,8 +55,12 @@ def explained(c: Candidate, result: Smoothing | None, gap: float = 0.0) -> Expla
 
 
 def _numbers(c: Candidate, result: Smoothing) -> dict[str, ParameterEstimate]:
-    """Word -> what a result has of it, of all that a candidate says in numbers, with what came free once it was kept."""
-    found = {word: result.parameters[path] for word, path in c.named.items() if path in result.parameters}
+    """Word -> what a result has of it, of all that a candidate says in numbers, with what came free once it was kept.
+
+    What changes little by little at next to no rate is a ramp, and that is no number of it.
+    """
+    ramps = {change.rate for change in c.changes if (p := result.parameters.get(change.rate)) is not None and p.on_bound}
+    found = {word: result.parameters[path] for word, path in c.named.items() if path in result.parameters and path not in ramps}
     later = {path.rpartition(".")[2]: result.parameters[path] for path in c.later if path in result.parameters}
     return found | {word: p for word, p in later.items() if not p.fixed}
 
@@ -105,8 +109,9 @@ def finding(
         gain=float(f.gain),
         change=_change(c, f.result),
         share=max(sizes.shares(s.look, s.estimate).values(), default=0.0) if s is not None else None,
-        regime=_regime(c, s, sizes) if began is None else EVERYWHERE,
+        regime=EVERYWHERE if began is not None else _regime(c, s, sizes),
         onset=began,
+        until=c.until,
         alternatives=tuple(sorted(others, key=lambda e: e.gap)),
         rivals=tuple(rivals),
         separates=_separates(base, best, near),
@@ -114,10 +119,10 @@ def finding(
 
 
 def _regime(c: Candidate, s: Screened | None, sizes: Sizes) -> str:
-    """Where it acts all along; of what changes little by little until when."""
-    gradual = [change.until for change in c.changes if change.until is not None]
-    if gradual:
-        return f"little by little until {gradual[0]:.4g} s"
+    """Where it acts; of what changes little by little until when."""
+    gradual = next((change.until for change in c.changes if change.gradual), None)
+    if gradual is not None:
+        return f"little by little until {gradual:.4g} s"
     return EVERYWHERE if s is None or c.signals else sizes.regime(s.look, s.estimate)
 
 

@@ -25,7 +25,7 @@ TOLD = 3.0  # deviations of a strength, of which one at least is that large wher
 def indistinct(best: Judged, others: Sequence[Judged]) -> list[Judged]:
     """Those of the other fits that cannot be told beside the best; none that has more strengths than it."""
     c, s, f = best
-    if s is None or f.problem is None or f.model is None or f.worth.solution is None or c.onset is not None:
+    if s is None or f.problem is None or f.model is None or f.worth.solution is None or c.onset is not None or c.changes:
         return []
     asked = {
         _name(o[0]): o

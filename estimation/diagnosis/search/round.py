@@ -11,7 +11,8 @@ from ...problem import Free, Problem
 from ...results import Smoothing
 from ..answer.verdict import Tried
 from ..candidates.candidate import Candidate
-from ..candidates.library import changing, library
+from ..candidates.changing import changing
+from ..candidates.library import library
 from ..candidates.places import joined_to
 from ..evidence.misfit import NEARER, OFF, off
 from ..evidence.offsets import counted_out
@@ -323,8 +324,8 @@ class Round:
             if f.result is None or not looks:
                 return best
             strengths = fitted_strengths(c, f.result)
-            time, gained = moved(there, looks[0], strengths, c.onset)
-            since = s.look.whole.candidate.since(time)
+            span, gained = moved(there, looks[0], strengths, (c.onset, c.until))
+            since = s.look.whole.candidate.since(*span)
             if gained < CLEAR or since is None:
                 return best
             look = replace(s.look, candidate=since)

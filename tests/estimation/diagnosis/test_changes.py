@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
 from backsight.estimation.diagnosis.answer.words import sentence
-from backsight.estimation.diagnosis.candidates.library import changing, library
+from backsight.estimation.diagnosis.candidates.changing import changing
+from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.scores.onsets import dated, late
 from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.estimation.diagnosis.scores.screen import screen
@@ -20,7 +21,7 @@ from backsight.models import Model
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
 
 TRUE = {"load.m": 2.0, "spring.k": 300.0, "damper.d": 6.0}
-STEP, N, AT, NOISE = 4e-3, 1500, 2.5, 2e-6
+STEP, N, AT, BACK, NOISE = 4e-3, 1500, 2.5, 4.2, 2e-6
 
 
 def machine() -> Model:
@@ -47,12 +48,12 @@ def machine() -> Model:
     )
 
 
-def recorded(later: dict[str, float], seed: int, role: str = "fit", rate: float | None = None) -> Recording:
-    """Force held from row to row; from AT on the parameters are those of `later`, or with a rate they near them from the start on."""
+def recorded(later: dict[str, float], seed: int, role: str = "fit", rate: float | None = None, back: float = np.inf) -> Recording:
+    """Force held from row to row; from AT until `back` parameters are those of `later`, or with a rate they near them from the start."""
     rng, t, state, seen = np.random.default_rng(seed), STEP * np.arange(N), np.zeros(2), np.empty(N)
     force = 20.0 * np.repeat(rng.uniform(-1, 1, N // 25), 25) + 10.0 * np.sin(11.0 * t)
     for k in range(N):
-        changed = later if rate is not None or t[k] >= AT - STEP / 2 else {}
+        changed = later if rate is not None or AT - STEP / 2 <= t[k] < back - STEP / 2 else {}
         seen[k] = state[0]
 
         def moves(t: float, s: np.ndarray, later: dict[str, float] = changed, f: float = force[k]) -> list[float]:
@@ -66,11 +67,11 @@ def recorded(later: dict[str, float], seed: int, role: str = "fit", rate: float 
 
 
 @cache
-def found(name: str, later: float, *fixed: str, rate: float | None = None) -> Diagnosis:
+def found(name: str, later: float, *fixed: str, rate: float | None = None, back: float = np.inf) -> Diagnosis:
     free = {path: Free(1.2 * value, min=0.1 * value) for path, value in TRUE.items()}
     given = {path: TRUE[path] if path in fixed else guess for path, guess in free.items()}
     changed = {name: later} if name else {}
-    recordings = [recorded(changed, 3, rate=rate), recorded(changed, 4, "held_out", rate)]
+    recordings = [recorded(changed, 3, rate=rate, back=back), recorded(changed, 4, "held_out", rate, back)]
     return diagnose(Problem(model=machine(), recordings=recordings, parameters=given))
 
 
@@ -90,8 +91,8 @@ def test_a_number_that_changes_is_found_with_its_time_and_its_size(name, later, 
     assert f"from {finding.onset:.4g} s on" in sentence(d)
     assert d.held_out.improvement_percent > 80
     assert d.model is not None
-    (change,) = d.model.changes.values()
-    assert d.model.parameters[change[1]].default == pytest.approx(strength.value)
+    (by,) = d.model.changes
+    assert d.model.parameters[by].default == pytest.approx(strength.value)
 
 
 @pytest.mark.slow
@@ -112,16 +113,31 @@ def test_a_number_that_changes_little_by_little_is_found_with_its_rate(name, lat
     assert (d.verdict, [f.explanation.subject for f in d.findings]) == ("parameter", [(name,)])
     (finding,), last = d.findings, STEP * (N - 1)
     assert (finding.onset, finding.regime) == (None, f"little by little until {last:.4g} s")
-    by, there = finding.explanation.parameters[f"change of {name}"], finding.explanation.parameters["rate"]
+    by, there = finding.explanation.parameters[f"change of {name}"], finding.explanation.parameters.get("rate")
     share = 1.0 if rate == 0 else 1.0 - np.exp(-rate * last)
     assert by.value == pytest.approx(share * (later - TRUE[name]), abs=4 * by.std)
     assert by.std < 0.03 * abs(later - TRUE[name])
-    assert there.unit == "1/s"
-    assert there.value == pytest.approx(rate, abs=0.02 + (4 * there.std if there.std else 0.0))
+    assert there is None if rate == 0 else (there.unit, there.value) == ("1/s", pytest.approx(rate, abs=4 * there.std))
     before = d.after.parameters[name]
     assert before.value == pytest.approx(TRUE[name], abs=4 * before.std)
     assert d.held_out.improvement_percent > 80
     assert "little by little until 5.996 s" in sentence(d)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "later"), [("load.m", 1.5), ("spring.k", 220.0)])
+def test_a_number_that_is_another_one_for_a_while_is_found_with_both_times(name, later):
+    d = found(name, later, back=BACK)
+    assert (d.verdict, [f.explanation.subject for f in d.findings]) == ("parameter", [(name,)])
+    (finding,) = d.findings
+    (change,) = d.model.changes.values()
+    assert change == (name, pytest.approx(AT, abs=0.02), pytest.approx(BACK, abs=0.02))
+    assert change[1:] == (finding.onset, finding.until)
+    by = finding.explanation.parameters[f"change of {name}"]
+    assert by.value == pytest.approx(later - TRUE[name], abs=4 * by.std)
+    assert d.after.parameters[name].value == pytest.approx(TRUE[name], abs=4 * d.after.parameters[name].std)
+    assert d.held_out.improvement_percent > 80
+    assert f"from {finding.onset:.4g} s to {finding.until:.4g} s" in sentence(d)
 
 
 @pytest.mark.slow
@@ -136,8 +152,10 @@ def test_every_number_of_the_machine_may_change_free_or_fixed():
     assert names == {"carriage.m", "friction.d"}  # of what is nothing, or a rounding, there is no share
     assert {c.strengths[0] for c in library(problem, problem.model, result.solution) if c.family == "parameter"} == {"carriage.m"}
     changed = problem.model.changing("friction.d", 0.3, "carriage_m_change")
-    (once,) = changing(problem, changed, result.solution)
-    assert (once.strengths, once.change) == (("carriage.m",), "carriage_m_change_")  # that name is taken
+    again = {c.strengths: c.change for c in changing(problem, changed, result.solution)}
+    assert again == {("carriage.m",): "carriage_m_change_", ("friction.d",): "friction_d_change"}  # one name is taken
+    warmed = problem.model.changing("friction.d", 0.3, "worn", until=0.9, rate=0.0)
+    assert {c.strengths for c in changing(problem, warmed, result.solution)} == {("carriage.m",)}
 
 
 def test_a_change_is_scored_from_its_time_on_and_looked_at_from_times_on_alone():
@@ -167,6 +185,8 @@ def test_a_change_is_named_by_what_changes_and_comes_after_physics():
     assert (low, high) == (-30 * value, 30 * value)
     (change,) = later.changes
     assert (change.least, change.most) == (least, most) == (0.0, np.inf)
-    assert later.edited(problem.model).changes == {"carriage.m": (0.4, name)}
+    assert later.edited(problem.model).changes == {name: ("carriage.m", 0.4)}
+    assert whole.since(0.4, 0.7).edited(problem.model).changes == {name: ("carriage.m", 0.4, 0.7)}
+    assert (later.size, whole.since(0.4, 0.7).size, whole.slowly(0.0, 1.0).size) == (2, 3, 2)
     assert later.unit(problem.model, name, {}) == "kg"
     assert whole.since(None) is None

@@ -104,7 +104,7 @@ def test_an_onset_is_marked_at_all_balances_of_its_place(tmp_path, balance):
     mismatch = tuple(replace(m, place=m.place + balance) for m in diagnosis().mismatch)
     page = written(replace(diagnosis(), findings=(finding,), mismatch=mismatch), tmp_path)
     assert "It acts: from 0.4 s on, forwards." in page.text
-    marks = [t for chart in page.charts for t in chart["data"] if t["name"] == "from here on"]
+    marks = [t for chart in page.charts for t in chart["data"] if t["name"] == "sets in, or ends"]
     assert unpacked(marks[0]["x"]) == pytest.approx(0.4)
 
 
