@@ -330,6 +330,18 @@ class Candidate:
         onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
         return replace(self, edits=(*self.edits, onset))
 
+    def dated(self, time: float, until: float | None) -> Candidate:
+        """What sets in, from another time on [s], and until another."""
+        edits = (
+            replace(e, time=time, until=until)
+            if isinstance(e, Change) and not e.gradual
+            else replace(e, time=time)
+            if isinstance(e, Since)
+            else e
+            for e in self.edits
+        )
+        return replace(self, edits=tuple(edits))
+
     def slowly(self, time: float, until: float) -> Candidate:
         """A parameter of the model that changes little by little between two times [s]: from a ramp to what is over at once."""
         slow, span = self._changing(time, until, gradual=True), until - time

@@ -36,14 +36,13 @@ def changing(problem: Problem, model: Model, solution: Solution, brought: Collec
 
 
 def _may(problem: Problem, model: Model, info: ParameterInfo, brought: Collection[str]) -> bool:
-    """Whether a parameter may change: a number of components of the machine, if not little by little already."""
+    """Whether a parameter may change: a number of components of the machine."""
     given = problem.parameters.get(info.name)
     ends = [path for path, by in model.bindings.items() if by == info.name] or [info.name]
     owners = {path.partition(".")[0] for path in ends}
     if not all(_declared(model, path) for path in ends) or owners & {*sensors(model), *brought}:
         return False
-    gradual = {change[0] for change in model.changes.values() if len(change) == 4}
-    if info.name in {*model.onsets, *gradual} or info.smoothing or info.unit in LENGTHS:
+    if info.name in model.onsets or info.smoothing or info.unit in LENGTHS:
         return False
     if isinstance(given, Free) and (given.drift is not None or given.per_recording):
         return False

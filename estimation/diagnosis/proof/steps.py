@@ -21,7 +21,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = NDArray[np.int64]
 
 STAGES = 3
-TOLERANCE = 1e-5  # error of a step over the size of the state
+TOLERANCE = 1e-4  # error over the size of the state of a rule of order 2 in the step: its own is a thousandth of the noise or so
 GROSS = 1e-2  # error of the shortest step over the size of the state: a corner costs less, and what moves so has no end
 SETTLED = 1e-2  # of the tolerance: the last Newton correction
 NEWTON, HALVINGS = 25, 8

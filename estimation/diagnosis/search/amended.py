@@ -10,6 +10,7 @@ from ...results import Smoothing
 from ..evidence.latent import without_force
 from ..scores.shares import left_over
 from .choice import CLEAR, DOUBTS, LATE, RIVAL, idle
+from .dates import redated
 from .elimination import Bare, alone
 from .one_level import OneLevel
 from .refit import settled
@@ -21,7 +22,7 @@ LITTLE = 0.1  # of what an effect gained: a model that lacks more without it is 
 
 def amend(state: State) -> None:
     """All of it, one after the other."""
-    for ask in (eliminate, stood_in, late_by_both, of_one_level, held_again, freed):
+    for ask in (eliminate, stood_in, late_by_both, of_one_level, dated_again, held_again, freed):
         ask(state)
 
 
@@ -115,6 +116,23 @@ def of_one_level(state: State) -> None:
     found = state.again(posed.problem, what)
     if found is not None and state.worth(posed.problem, found).over(state.now) > -CLEAR:
         state.standing = posed.instead(state.standing, found, state.sizes)
+
+
+def dated_again(state: State) -> None:
+    """What set in before the last effect was found has the times that are best beside that."""
+    for k, c in enumerate(state.standing.accepted[:-1]):
+        if c.onset is None or state.fits.left == 0:
+            continue
+        state.fits.say(f"when {c.title} sets in, beside what was found later")
+        new = redated(state.problem, state.standing.model, state.result, c)
+        now = state.standing
+        posed = None if new is None else now.having((*now.accepted[:k], new, *now.accepted[k + 1 :]), state.bare)
+        if new is None or posed is None:
+            continue
+        problem = settled(posed[0], state.result)
+        found = state.again(problem, f"{c.title} from {new.onset} to {new.until}")
+        if found is not None and state.worth(problem, found).over(state.now) > 0:
+            state.standing = now.at(problem, found, posed[1]).with_dates(k, new)
 
 
 def held_again(state: State) -> None:

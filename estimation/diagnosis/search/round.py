@@ -17,7 +17,7 @@ from ..candidates.places import joined_to
 from ..evidence.misfit import NEARER, OFF, off
 from ..evidence.offsets import counted_out
 from ..evidence.worth import Worth, gains
-from ..scores.onsets import dated, late, moved
+from ..scores.onsets import dated, late
 from ..scores.score import Linearised
 from ..scores.screen import Screen, Screened, identifiable, screen
 from ..scores.shares import FLOOR, Sizes
@@ -37,6 +37,7 @@ from .choice import (
     steady,
     stood_for,
 )
+from .dates import redated
 from .elimination import Bare
 from .findings import Judged, fitted_strengths
 from .fits import Base, Fits
@@ -312,27 +313,17 @@ class Round:
         """A fit of what sets in, from the time that is best beside the fit itself: far from it the score misses that."""
         for _ in range(DATES):
             c, s, f = best
-            if s is None or s.look.whole is None or c.onset is None or f.problem is None or f.model is None or f.worth.solution is None:
+            if s is None or c.onset is None or f.problem is None or f.model is None or f.whole is None:
                 return best
             self.fits.say(f"when {c.title} sets in")
-            there = Linearised(f.worth.solution)
-            if c.changes:
-                again = [s.look.whole.candidate]
-            else:
-                again = [d for d in library(f.problem, f.model, f.worth.solution, brought=set(c.brought)) if d.key == c.key]
-            looks = [look for look in looked_at(f.problem, f.model, there, again) if len(look.columns) == len(s.estimate)]
-            if f.result is None or not looks:
+            new = redated(f.problem, f.model, f.whole, c)
+            if new is None:
                 return best
-            strengths = fitted_strengths(c, f.result)
-            span, gained = moved(there, looks[0], strengths, (c.onset, c.until))
-            since = s.look.whole.candidate.since(*span)
-            if gained < CLEAR or since is None:
-                return best
-            look = replace(s.look, candidate=since)
-            (again_fitted,) = self.fits.candidates(self.base, [(since, replace(s, look=look, estimate=strengths, origin=s.origin or s))])
+            there = replace(s, look=replace(s.look, candidate=new), estimate=fitted_strengths(c, f.whole), origin=s.origin or s)
+            (again_fitted,) = self.fits.candidates(self.base, [(new, there)])
             c, s, f_again = again_fitted
             more = f_again.worth.over(f.worth)
-            if more < 0 or not sound(since, f_again):
+            if more < 0 or not sound(new, f_again):
                 return best
             best = c, s, replace(f_again, gain=f.gain + more, spared=f.spared, beside=f.beside)
         return best

@@ -114,6 +114,12 @@ class Standing:
         gone = self.named[k]
         return replace(rest, findings=tuple(f for f in self.findings if f is not gone), accepted=self.others(k))
 
+    def with_dates(self, k: int, c: Candidate) -> Standing:
+        """The k-th of what was accepted sets in, and ends, when this one does."""
+        old = self.named[k]
+        found = tuple(replace(f, onset=c.onset, until=c.until) if f is old else f for f in self.findings)
+        return replace(self, findings=found, accepted=(*self.accepted[:k], c, *self.accepted[k + 1 :]))
+
     def renewed(self, sizes: Sizes) -> Standing:
         """What was found first has the numbers that it has beside what was found later, and the name that goes with these."""
         of = {id(f): c for f, c in zip(self.named, self.accepted, strict=True)}

@@ -154,8 +154,6 @@ def test_every_number_of_the_machine_may_change_free_or_fixed():
     changed = problem.model.changing("friction.d", 0.3, "carriage_m_change")
     again = {c.strengths: c.change for c in changing(problem, changed, result.solution)}
     assert again == {("carriage.m",): "carriage_m_change_", ("friction.d",): "friction_d_change"}  # one name is taken
-    warmed = problem.model.changing("friction.d", 0.3, "worn", until=0.9, rate=0.0)
-    assert {c.strengths for c in changing(problem, warmed, result.solution)} == {("carriage.m",)}
 
 
 def test_a_change_is_scored_from_its_time_on_and_looked_at_from_times_on_alone():
