@@ -36,13 +36,15 @@ def late_as_another(fitted: Sequence[Judged]) -> list[tuple[Screened, Smoothing]
 
 
 def late_unheard(fitted: Sequence[Judged], candidates: Sequence[Candidate], found: Screen) -> list[Candidate]:
-    """Delays on the other side of the machine where something late has the best score, or nearly, and no fit explains what matters.
+    """Delays on the other side of the machine where something late has the best score, or nearly, and falls short of it.
 
-    A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs.
+    A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs. Where a fit brings what its
+    score promised, or any explains what matters, nobody else is asked.
     """
     most = max((s.gain for _, s, _ in fitted if s is not None), default=0.0)
-    late = {c.family for c, s, _ in fitted if c.physics in LATE and s is not None and s.gain >= AS_MUCH * most}
-    if not late or any(_explains(f) for _, _, f in fitted):
+    heard = [(c, s, f) for c, s, f in fitted if c.physics in LATE and s is not None and s.gain >= AS_MUCH * most]
+    late = {c.family for c, _, _ in heard}
+    if not late or any(f.gain >= s.gain for _, s, f in heard if s is not None) or any(_explains(f) for _, _, f in fitted):
         return []
     tried, scores = {c.key for c, _, _ in fitted}, {id(s.candidate): s.gain for s in found.found}
     delays = (c for c in candidates if c.physics in ("input_delay", "sensor_delay") and c.key not in tried)

@@ -112,7 +112,9 @@ def test_where_a_late_input_is_likely_and_leaves_much_over_late_sensors_are_fitt
     scored, now = begun(problem, result), worth_of(problem, result, weighed=True)
     late = next(s for s in scored.found.found if s.candidate.physics == "input_delay")
     scored._fit([(late.candidate, late)], now)
-    scored.fitted = [(c, s, replace(f, gain=90.0)) for c, s, f in scored.fitted]
+    scored.fitted = [(c, s, replace(f, gain=1.1 * late.gain)) for c, s, f in scored.fitted]
+    assert late_unheard(scored.fitted, scored.candidates, scored.found) == []  # it brings what its score promised
+    scored.fitted = [(c, s, replace(f, gain=0.9 * late.gain)) for c, s, f in scored.fitted]
     assert [c.physics for c in late_unheard(scored.fitted, scored.candidates, scored.found)] == ["sensor_delay"] * is_fitted
     scored.fitted = [(c, s, Fitted(candidate=c, failed="lost")) for c, s, _ in scored.fitted]
     assert [c.physics for c in late_unheard(scored.fitted, scored.candidates, scored.found)] == ["sensor_delay"]
