@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from backsight.models import Dae, Model
@@ -39,6 +40,7 @@ from .search.search import Search
 from .search.standing import Standing
 from .start.as_it_is import AsItIs, as_it_is
 from .start.delays import without_delays
+from .start.dropouts import with_whole_inputs
 from .start.hold import with_better_hold
 from .start.noise_shown import with_noise_as_shown
 from .start.sizes_known import with_sizes_known
@@ -78,7 +80,10 @@ def diagnose(
         def based(other: Problem, *, asking: bool = False) -> AsItIs:
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
-        as_said = based(steadied, asking=True)
+        steadied, as_said, torn = with_whole_inputs(steadied, partial(based, asking=True))
+        if torn is not None:
+            recordings = torn.mended(recordings)
+            posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
         steadied, as_said, large = _held(with_inertias_near, steadied, as_said, based)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
@@ -93,10 +98,14 @@ def diagnose(
             settings=now.settings,
             seed=seed,
             held=Standing(problem=as_said.problem, model=problem.model, result=as_said.result) if straight else None,
+            beforehand=torn.findings if torn is not None else (),
         )
         search.run()
     straight = straight if search.held is not None else ""
-    verdict, first = search.verdict(), without_offsets(search.first)
+    verdict, first, weights = search.verdict(), search.first, search.first_weights
+    if torn is not None and torn.before is not None:
+        first, weights = torn.before.result, torn.before.problem.weights
+    first, proving = without_offsets(first), bool(search.standing.named or torn)
     notes = [said for said in (late, split, straight, large, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
@@ -108,12 +117,12 @@ def diagnose(
     if not now.settings.weigh:
         notes.append("Models were compared with residual forces of a share of the forces at every place, not of what the data say.")
     held_out, unseen = None, [r for r in recordings if r.role == "held_out"]
-    say(f"{'proof' if search.standing.named else 'the model'} on what was held out")
+    say(f"{'proof' if proving else 'the model'} on what was held out")
     left = seconds + PROOF - (time.perf_counter() - began)
     proof = Proof(
         recordings=unseen,
         role="held_out" if split is None else "last third",
-        end=time.monotonic() + (left if search.standing.named else min(left, ALONE)),
+        end=time.monotonic() + (left if proving else min(left, ALONE)),
         say=say,
     )
 
@@ -126,8 +135,8 @@ def diagnose(
 
     try:
         if unseen:
-            base = proof.predictor((replace(posed, weights=search.first_weights, recordings=recordings), first), "the base model")
-        if unseen and search.standing.named:
+            base = proof.predictor((replace(posed, weights=weights, recordings=recordings), first), "the base model")
+        if unseen and proving:
             repaired = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
             repaired, gone = contradicted(search, proof, repaired, seen)
             notes, verdict = [*notes, *gone], search.verdict() if gone else verdict
@@ -137,7 +146,7 @@ def diagnose(
     except FAILURES as error:
         notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
-        if search.standing.faint:
+        if search.standing.faint and torn is None:
             notes.append(withdrawn(search.standing.findings, held_out))
             search.withdraw()
             verdict, held_out = search.verdict(), held_out.unrepaired
@@ -151,11 +160,12 @@ def diagnose(
         verdict = "undecided"
     if verdict in ("unknown_physics", "undecided") or any(f.onset is not None or f.explanation.changes for f in search.standing.findings):
         notes += clocks_notes(posed.recordings)
+    found = (*search.beforehand, *search.standing.findings)
     return Diagnosis(
         verdict=verdict,
-        findings=ranked(search.standing.findings),
+        findings=ranked(found),
         before=first,
-        after=without_offsets(search.result) if search.standing.findings else first,
+        after=without_offsets(search.result) if found else first,
         repaired=replace(
             without_force(search.problem),
             model=search.standing.model,
@@ -166,7 +176,7 @@ def diagnose(
         held_out=held_out,
         undetectable=tuple(search.undetectable),
         tried=tuple(search.tried),
-        mismatch=(*mismatches(first), *(mismatches(search.result) if search.standing.findings else ())),
+        mismatch=(*mismatches(first), *(mismatches(search.result) if found else ())),
         seconds=time.perf_counter() - began,
         seed=seed,
         notes=(*notes, *search.notes),

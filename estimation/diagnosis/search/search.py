@@ -53,7 +53,7 @@ class Search(State):
     seed: of what is drawn. tried: what was fitted, last_tried: in the last round. before: what there was before the last effect was found;
     aside: what was taken back to be sought again with weights from the data. compared: whether models could be; cut: what may be missing in
     the model as it stands, and whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside
-    which candidate it was smoothed from the guesses, too.
+    which candidate it was smoothed from the guesses, too. beforehand: what was found before any of it.
     """
 
     seed: int = 0
@@ -61,6 +61,7 @@ class Search(State):
     last_tried: Sequence[Tried] = ()
     undetectable: list[Undetectable] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    beforehand: tuple[Finding, ...] = ()
     before: Standing | None = None
     aside: Standing | None = field(default=None, init=False, repr=False)
     compared: bool = field(default=True, init=False)
@@ -280,9 +281,10 @@ class Search(State):
 
         Nor is there where inertias would run away with what was found.
         """
-        if not self.compared or (self.cut and not self.standing.findings):
+        there = (*self.beforehand, *self.standing.findings)
+        if not self.compared or (self.cut and not there):
             return "undecided"
-        found = verdict(self.standing.findings)
+        found = verdict(there)
         return "undecided" if self.near and self.standing.named and found != UNKNOWN else found
 
 

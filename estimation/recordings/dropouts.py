@@ -1,0 +1,95 @@
+"""Stretches in which a signal is far off what it is around them, and goes and comes back at once: a counter that misses its marks.
+
+A row stands off by more than GROSS robust deviations of the signal about its running median. A stretch of such rows is one that drops out
+where most of the way there, and most of the way back, is a jump of one row or two. That may be a pulse that somebody meant, too: what the
+machine did tells (`diagnosis/start/dropouts.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.ndimage import median_filter
+
+from .noise import robust_std
+from .recording import Recording
+
+Array = np.ndarray[tuple[int], np.dtype[np.float64]]
+Mask = NDArray[np.bool_]
+
+GROSS = 6.0  # robust deviations about the running median
+AROUND = 0.1  # of the rows: of the running median
+LONGEST = 0.4  # of those: a longer stretch may be the signal, and what is around it not
+MOST = 0.25  # of all rows: more are no dropouts but what the signal is like
+JUMP = 0.5  # of how far a stretch stands off: by so much it goes and comes back within two rows
+ORDER = 24  # of the autoregression
+BESIDE = 1  # rows on either side of a stretch, of which a mean or a filter makes a part of it
+
+
+def dropped_out(u: Array) -> Mask:
+    """Rows of a signal (n,) that drop out, and those beside them."""
+    n = len(u)
+    width = 2 * round(AROUND * n / 2) + 1
+    out = np.zeros(n, dtype=bool)
+    if width < 9:
+        return out
+    middle = median_filter(u, size=width, mode="nearest")
+    off = np.abs(u - middle)
+    usual = robust_std(u - middle)
+    if not usual > 0:
+        return out
+    for first, last in stretches(off > GROSS * usual):
+        if first <= BESIDE or last >= n - BESIDE - 1 or not last - first < LONGEST * width:
+            continue
+        least, run = JUMP * off[first : last + 1].max(), u[first : last + 1]
+        gone, back = (np.abs(run[ends] - u[row]).max() for ends, row in ((np.s_[:2], first - BESIDE - 1), (np.s_[-2:], last + BESIDE + 1)))
+        if min(gone, back) > least:
+            out[first - BESIDE : last + BESIDE + 1] = True
+    return out if out.mean() < MOST else np.zeros(n, dtype=bool)
+
+
+def stretches(rows: Mask) -> list[tuple[int, int]]:
+    """First and last row of every run of rows that are set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8)))
+    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
+
+
+def bridged(recording: Recording, names: Iterable[str]) -> Recording:
+    """The recording with what was likely there instead of what drops out of these inputs."""
+    return replace(recording, inputs={**recording.inputs, **{name: likely(recording.inputs[name]) for name in names}})
+
+
+def likely(u: Array) -> Array:
+    """A signal (n,) with what drops out as its other rows foretell it: with the least squares of an autoregression's errors.
+
+    A. Janssen, R. Veldhuis, L. Vries, Adaptive interpolation of discrete-time signals that can be modeled as autoregressive processes,
+    IEEE Trans. Acoustics, Speech, Signal Processing 34, 1986. What is regular goes on as it does on either side, and noise has its mean.
+    """
+    out, rows = dropped_out(u), np.arange(len(u))
+    torn = stretches(out)
+    if not torn:
+        return u
+    straight = np.interp(rows, rows[~out], u[~out])
+    level, room = u[~out].mean(), np.ptp(u[~out])
+    order = min(ORDER, len(u) // 10)
+    v = straight - level
+    past, whole = (np.lib.stride_tricks.sliding_window_view(x, order + 1) for x in (v, ~out))
+    told = whole.all(axis=1)
+    a = np.linalg.lstsq(past[told, :-1], past[told, -1], rcond=None)[0]
+    for first, last in torn:
+        low, high = max(first - order, 0), min(last + order + 1, len(u))
+        ahead = np.zeros(high - low - order - 1)
+        errors, inside = toeplitz(np.r_[-a[0], ahead], np.r_[-a, 1.0, ahead]), slice(first - low, last + 1 - low)
+        known = v[low:high].copy()
+        known[inside] = 0.0
+        v[first : last + 1] = np.linalg.lstsq(errors[:, inside], -errors @ known, rcond=None)[0]
+    v += level
+    for first, last in torn:
+        there = slice(first, last + 1)
+        if not np.all(np.abs(v[there] - straight[there]) < room):  # it has gone astray
+            v[there] = straight[there]
+    return np.where(out, v, u)

@@ -1,0 +1,110 @@
+"""Inputs that drop out of what was recorded, and pulses that were meant, on a spring-mass machine by its exact discrete solution."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
+from backsight.estimation.diagnosis.answer.words import sentence
+from backsight.estimation.diagnosis.start.dropouts import with_whole_inputs
+from backsight.models import Model
+from backsight.models.errors import InputError
+from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
+
+M, K, D, STEP, N, NOISE = 2.0, 300.0, 6.0, 4e-3, 1500, 2e-6
+OUT = ((300, 318), (900, 911))  # rows
+
+
+def machine() -> Model:
+    return Model(
+        name="machine",
+        components={
+            "load": Mass(),
+            "spring": Spring(k=1.0),
+            "damper": Damper(),
+            "wall": Fixed(),
+            "motor": Force(),
+            "scale": PositionSensor(),
+        },
+        connections=[
+            ("motor.flange", "load.flange"),
+            *((f"{part}.flange_a", "load.flange") for part in ("spring", "damper")),
+            *((f"{part}.flange_b", "wall.flange") for part in ("spring", "damper")),
+            ("scale.flange", "load.flange"),
+        ],
+        inputs={"F": "motor.f"},
+        outputs={"x": "scale.s"},
+    )
+
+
+def recorded(seed: int, *, meant: bool, friction: float = 0.0, role: str = "fit") -> Recording:
+    """A force that is held from row to row, and nothing in some rows: of what is recorded, or, where that is meant, in truth."""
+    rng, t = np.random.default_rng(seed), STEP * np.arange(N)
+    force = 60.0 + 4.0 * np.sin(5.0 * t) + 3.0 * np.sin(17.0 * t)
+    told = force.copy()
+    for first, last in OUT if role == "fit" else ():
+        told[first : last + 1] = 0.0
+    acting = told if meant else force
+    A, B, *_ = cont2discrete(
+        (np.array([[0.0, 1.0], [-K / M, -(D + friction) / M]]), np.array([[0.0], [1.0 / M]]), np.eye(2), np.zeros((2, 1))), STEP
+    )
+    state, seen = np.array([60.0 / K, 0.0]), np.empty(N)
+    for k in range(N):
+        seen[k] = state[0]
+        state = A @ state + B[:, 0] * acting[k]
+    x = seen + NOISE * rng.standard_normal(N)
+    return Recording(name=role, time=t, inputs={"F": told}, outputs={"x": x}, output_std={"x": NOISE}, role=role)
+
+
+@cache
+def found(*, meant: bool, friction: float = 0.0) -> Diagnosis:
+    free = {"load.m": Free(1.7, min=0.1), "spring.k": Free(350.0, min=10.0), "damper.d": Free(8.0, min=0.1) if friction == 0 else D}
+    recordings = [recorded(3, meant=meant, friction=friction), recorded(4, meant=meant, friction=friction, role="held_out")]
+    return diagnose(Problem(model=machine(), recordings=recordings, parameters=free))
+
+
+@pytest.mark.slow
+def test_an_input_that_drops_out_is_told_and_mended():
+    d = found(meant=False)
+    assert d.verdict == "input"
+    (finding,) = d.findings
+    assert (finding.explanation.place, finding.explanation.physics) == ("input:F", "input_dropout")
+    lasted = STEP * sum(last - first + 1 for first, last in OUT)
+    assert finding.explanation.parameters["time"].value == pytest.approx(lasted, abs=4.1 * STEP)
+    assert finding.gain > 1000
+    assert finding.regime.startswith("in 2 stretches: 1.196 to 1.2")
+    assert "An input does not act as it was recorded: input dropout at input:F" in sentence(d)
+    assert {name: d.after.parameters[name].value for name in ("load.m", "spring.k", "damper.d")} == pytest.approx(
+        {"load.m": M, "spring.k": K, "damper.d": D}, rel=2e-2
+    )
+    assert d.held_out.improvement_percent > 50
+    (whole, _) = d.repaired.recordings
+    assert whole.inputs["F"].min() > 40.0
+
+
+@pytest.mark.slow
+def test_what_else_is_missing_is_found_beside_it():
+    d = found(meant=False, friction=3.0)
+    assert {(f.explanation.place, f.explanation.physics) for f in d.findings} == {
+        ("input:F", "input_dropout"),
+        ("damper", "wrong_parameter"),
+    }
+
+
+@pytest.mark.slow
+def test_a_pulse_that_was_meant_is_none():
+    assert found(meant=True).verdict == "none"
+
+
+def test_a_model_that_comes_to_rest_in_no_way_is_refused_as_ever():
+    problem = Problem(model=machine(), recordings=[recorded(3, meant=False)], parameters={})
+
+    def nowhere(_: Problem):
+        raise InputError("it is lost")
+
+    with pytest.raises(InputError, match="it is lost"):
+        with_whole_inputs(problem, nowhere)

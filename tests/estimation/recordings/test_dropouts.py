@@ -1,0 +1,59 @@
+"""Stretches of a signal that drop out, and what looks like them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from backsight.estimation import Recording
+from backsight.estimation.recordings.dropouts import bridged, dropped_out, stretches
+
+N = 1000
+T = 0.01 * np.arange(N)
+
+
+def speed(seed: int = 0) -> np.ndarray:
+    return 2000.0 + 60.0 * np.sin(3.0 * T) + 10.0 * np.random.default_rng(seed).standard_normal(N)
+
+
+def test_a_counter_that_reads_nothing_for_a_while_drops_out():
+    u = speed()
+    u[200:212], u[500] = 0.0, 4000.0
+    assert stretches(dropped_out(u)) == [(199, 212), (499, 501)]  # and a row on either side
+
+
+def test_a_mean_over_the_ends_of_a_dropout_is_a_part_of_it():
+    u = speed()
+    u[200:212], u[199], u[212] = 0.0, 900.0, 1400.0
+    rows = dropped_out(u)
+    assert rows[198:214].all()
+    assert rows.sum() == 16
+
+
+@pytest.mark.parametrize(
+    "u",
+    [
+        speed(),
+        20.0 * np.random.default_rng(1).standard_normal(N),
+        20.0 * np.sign(np.sin(9.0 * T) + 0.3 * np.random.default_rng(2).standard_normal(N)),  # held at either of two levels
+        np.where(T < 5.0, 1.0, 3.0) + 0.01 * np.sin(40.0 * T),  # another level from then on
+        speed() + 900.0 * np.exp(-(((T - 5.0) / 0.1) ** 2)),  # goes there by and by
+        np.zeros(N),
+        np.arange(5.0),
+    ],
+    ids=["noise", "white", "two levels", "a step", "a bump", "still", "short"],
+)
+def test_what_a_signal_is_like_is_no_dropout(u):
+    assert not dropped_out(u).any()
+
+
+def test_what_drops_out_of_the_inputs_that_are_named_goes_on_as_on_either_side():
+    u = 2000.0 + 60.0 * np.sin(3.0 * T) + 40.0 * np.sin(17.0 * T) + 0.1 * np.random.default_rng(0).standard_normal(N)
+    torn = u.copy()
+    torn[200:212], torn[600:603] = 0.0, 4000.0
+    made = Recording(name="r", time=T, inputs={"n": torn, "m": torn}, outputs={"x": np.sin(T)})
+    whole = bridged(made, ["n"])
+    assert np.array_equal(whole.inputs["m"], torn)
+    assert whole.inputs["n"] == pytest.approx(u, abs=1.0)
+    rest = np.r_[0:199, 213:599, 604:N]
+    assert np.array_equal(whole.inputs["n"][rest], u[rest])
