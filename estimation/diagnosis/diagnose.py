@@ -40,7 +40,7 @@ from .search.search import Search
 from .search.standing import Standing
 from .start.as_it_is import AsItIs, as_it_is
 from .start.delays import without_delays
-from .start.dropouts import with_whole_inputs
+from .start.dropouts import with_whole_signals
 from .start.hold import with_better_hold
 from .start.noise_shown import with_noise_as_shown
 from .start.sizes_known import with_sizes_known
@@ -80,7 +80,7 @@ def diagnose(
         def based(other: Problem, *, asking: bool = False) -> AsItIs:
             return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
 
-        steadied, as_said, torn = with_whole_inputs(steadied, partial(based, asking=True))
+        steadied, as_said, torn = with_whole_signals(steadied, partial(based, asking=True))
         if torn is not None:
             recordings = torn.mended(recordings)
             posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])

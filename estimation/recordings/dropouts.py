@@ -7,16 +7,13 @@ machine did tells (`diagnosis/start/dropouts.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.ndimage import median_filter
 
 from .noise import robust_std
-from .recording import Recording
+from .outliers import outlying
 
 Array = np.ndarray[tuple[int], np.dtype[np.float64]]
 Mask = NDArray[np.bool_]
@@ -27,6 +24,9 @@ LONGEST = 0.4  # of those: a longer stretch may be the signal, and what is aroun
 MOST = 0.25  # of all rows: more are no dropouts but what the signal is like
 JUMP = 0.5  # of how far a stretch stands off: by so much it goes and comes back within two rows
 ORDER = 24  # of the autoregression
+FEWEST = 9  # rows
+ASTRAY = 0.02  # of all that a signal does: single samples that are off by less are noise that has tails
+FROZEN = 6  # rows that read the same, before one that is elsewhere at once
 BESIDE = 1  # rows on either side of a stretch, of which a mean or a filter makes a part of it
 
 
@@ -35,7 +35,7 @@ def dropped_out(u: Array) -> Mask:
     n = len(u)
     width = 2 * round(AROUND * n / 2) + 1
     out = np.zeros(n, dtype=bool)
-    if width < 9:
+    if width < FEWEST:
         return out
     middle = median_filter(u, size=width, mode="nearest")
     off = np.abs(u - middle)
@@ -52,15 +52,35 @@ def dropped_out(u: Array) -> Mask:
     return out if out.mean() < MOST else np.zeros(n, dtype=bool)
 
 
+def blank(time: Array, y: Array, *, single: bool = True) -> Mask:
+    """Rows of samples y (n,), NaN where missing, at times (n,) that are none of what was measured.
+
+    They read one value while they drop out, or stay at the last one until what was measured is elsewhere at once. single: single ones that
+    stand far off their neighbours, too, by a share of all that the signal does.
+    """
+    there, out = np.isfinite(y), np.zeros(len(y), dtype=bool)
+    if np.count_nonzero(there) < FEWEST:
+        return out
+    whole = np.interp(time, time[there], y[there])
+    if single:
+        span = np.ptp(whole[~(off := outlying(time, y))])
+        out |= off & (np.abs(whole - median_filter(whole, size=5, mode="nearest")) > ASTRAY * span)
+    for first, last in stretches(dropped_out(whole)):
+        inside = slice(first + BESIDE, last + 1 - BESIDE)
+        out[inside] |= last - first > 2 * BESIDE and np.ptp(whole[inside]) == 0
+    steps = np.abs(np.diff(whole))
+    usual = GROSS * robust_std(steps[steps > 0]) if steps.any() else np.inf
+    for first, last in stretches(steps == 0):  # rows first .. last + 1 read the same
+        after = steps[last + 1 : last + 3]
+        if last - first + 2 >= FROZEN and len(after) == 2 and after[0] > max(usual, 2 * after[1]):
+            out[first + 1 : last + 2] = True
+    return out & there
+
+
 def stretches(rows: Mask) -> list[tuple[int, int]]:
     """First and last row of every run of rows that are set."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8)))
     return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
-
-
-def bridged(recording: Recording, names: Iterable[str]) -> Recording:
-    """The recording with what was likely there instead of what drops out of these inputs."""
-    return replace(recording, inputs={**recording.inputs, **{name: likely(recording.inputs[name]) for name in names}})
 
 
 def likely(u: Array) -> Array:

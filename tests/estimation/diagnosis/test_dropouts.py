@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.signal import cont2discrete
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
 from backsight.estimation.diagnosis.answer.words import sentence
-from backsight.estimation.diagnosis.start.dropouts import with_whole_inputs
+from backsight.estimation.diagnosis.start.dropouts import with_whole_signals
 from backsight.models import Model
 from backsight.models.errors import InputError
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
@@ -96,6 +97,23 @@ def test_what_else_is_missing_is_found_beside_it():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("loss", "rows"), [("square", OUT), ("auto", OUT), ("square", ((300, 300), (700, 700)))])
+def test_an_output_that_reads_nothing_for_a_while_is_told_and_left_out(loss, rows):
+    made, unseen = (recorded(seed, meant=True, role="held_out") for seed in (3, 4))
+    x = made.outputs["x"].copy()
+    for first, last in rows:
+        x[first : last + 1] = 0.0
+    fit = replace(made, name="fit", role="fit", outputs={"x": x}, output_loss={"x": loss})
+    free = {"load.m": Free(1.7, min=0.1), "spring.k": Free(350.0, min=10.0), "damper.d": D / 2}
+    d = diagnose(Problem(model=machine(), recordings=[fit, unseen], parameters=free))
+    assert {f.explanation.words for f in d.findings} == {"sensor dropout at sensor:x", "wrong parameter damper.d"}
+    finding = next(f for f in d.findings if f.explanation.family == "sensor")
+    assert finding.explanation.parameters["time"].value == pytest.approx(STEP * sum(last - first + 1 for first, last in rows))
+    assert d.after.parameters["load.m"].value == pytest.approx(M, rel=1e-4)
+    assert d.after.parameters["damper.d"].value == pytest.approx(D, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_a_pulse_that_was_meant_is_none():
     assert found(meant=True).verdict == "none"
 
@@ -107,4 +125,4 @@ def test_a_model_that_comes_to_rest_in_no_way_is_refused_as_ever():
         raise InputError("it is lost")
 
     with pytest.raises(InputError, match="it is lost"):
-        with_whole_inputs(problem, nowhere)
+        with_whole_signals(problem, nowhere)

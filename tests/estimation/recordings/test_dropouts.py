@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backsight.estimation import Recording
-from backsight.estimation.recordings.dropouts import bridged, dropped_out, stretches
+from backsight.estimation.recordings.dropouts import blank, dropped_out, likely, stretches
 
 N = 1000
 T = 0.01 * np.arange(N)
@@ -47,13 +46,34 @@ def test_what_a_signal_is_like_is_no_dropout(u):
     assert not dropped_out(u).any()
 
 
-def test_what_drops_out_of_the_inputs_that_are_named_goes_on_as_on_either_side():
+def test_what_drops_out_goes_on_as_on_either_side():
     u = 2000.0 + 60.0 * np.sin(3.0 * T) + 40.0 * np.sin(17.0 * T) + 0.1 * np.random.default_rng(0).standard_normal(N)
     torn = u.copy()
     torn[200:212], torn[600:603] = 0.0, 4000.0
-    made = Recording(name="r", time=T, inputs={"n": torn, "m": torn}, outputs={"x": np.sin(T)})
-    whole = bridged(made, ["n"])
-    assert np.array_equal(whole.inputs["m"], torn)
-    assert whole.inputs["n"] == pytest.approx(u, abs=1.0)
+    assert likely(torn) == pytest.approx(u, abs=1.0)
     rest = np.r_[0:199, 213:599, 604:N]
-    assert np.array_equal(whole.inputs["n"][rest], u[rest])
+    assert np.array_equal(likely(torn)[rest], u[rest])
+    assert np.array_equal(likely(u), u)
+
+
+def test_samples_that_read_one_value_are_blank_and_single_ones_far_off():
+    y = speed()
+    y[200:212], y[500], y[700:712] = 0.0, 4000.0, 3.0 * np.arange(12.0)
+    y[[20, 205]] = np.nan
+    zeros = {*range(200, 212)} - {205}
+    assert {*np.flatnonzero(blank(T, y))} == zeros | {500}  # a pulse of several values may be one
+    assert {*np.flatnonzero(blank(T, y, single=False))} == zeros
+
+
+def test_samples_that_stay_until_the_signal_is_elsewhere_at_once_are_blank():
+    y = np.round(np.sin(3.0 * T), 4)
+    y[100:130] = y[100]
+    assert {*np.flatnonzero(blank(T, y))} == {*range(101, 130)}
+
+
+def test_a_machine_at_rest_that_breaks_away_is_none():
+    """Quantised: it stays, and then goes faster and faster, or stays again after every step."""
+    rest = np.round(np.where(T < 5.0, 0.0, 0.3 * (T - 5.0) ** 2), 4)
+    stairs = np.floor(T / 0.2) * 0.01
+    assert not blank(T, rest).any()
+    assert not blank(T, stairs).any()
