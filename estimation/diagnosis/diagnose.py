@@ -42,7 +42,7 @@ from .start.as_it_is import AsItIs, as_it_is
 from .start.delays import without_delays
 from .start.dropouts import with_whole_signals
 from .start.hold import with_better_hold
-from .start.noise_shown import with_noise_as_shown
+from .start.noise_shown import with_noise_as_shown, with_noise_at_least
 from .start.sizes_known import with_sizes_known
 
 OF_BASE = 0.6  # of the search's time, that the model as it is may take
@@ -70,6 +70,7 @@ def diagnose(
     """
     began, end, say = time.perf_counter(), time.time() + seconds, progress or (lambda _: None)
     problem, late = without_delays(problem)
+    problem, quiet = with_noise_at_least(problem)
     if not isinstance(problem.model, Model):
         raise InputError("diagnose: the model is a compiled Dae, which has no places to put components at; give the Model itself.")
     recordings, split = with_held_out(problem.recordings)
@@ -106,7 +107,7 @@ def diagnose(
     if torn is not None and torn.before is not None:
         first, weights = torn.before.result, torn.before.problem.weights
     first, proving = without_offsets(first), bool(search.standing.named or torn)
-    notes = [said for said in (late, split, straight, large, open_ones, loud) if said]
+    notes = [said for said in (late, quiet, split, straight, large, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])

@@ -74,20 +74,25 @@ def check_varies(problem: Problem) -> None:
 def shown_noise(problem: Problem) -> tuple[Array, Array]:
     """What of every output's noise its samples show beyond doubt [unit], 0 where they cannot tell or nothing is sampled; each (H, ny).
 
-    With what they are rounded to, which is the least, and without. An output that reads forces at once, such as an acceleration, is as
-    rough as they are and shows nothing of its noise.
+    With what they are rounded to, which is the least, and without; of a rough output nothing.
     """
-    dae = problem.dae
-    at_once = {i for part in direct(dae, range(len(dae.places))) for i in part.sparsity().row()}
+    dae, at_once = problem.dae, rough(problem)
     whole = {recording.name: screened(recording) for recording in problem.recordings}  # outliers that a loss expects alternate as well
     least, white = (np.zeros((len(problem.fitted), len(problem.dae.outputs))) for _ in range(2))
     for row, piece in enumerate(problem.fitted):
         own = whole[piece.name]
         for i, q in enumerate(dae.outputs):
-            if q.name in piece.outputs and i not in at_once:
+            if q.name in piece.outputs and q.name not in at_once:
                 told = noise(own.time, own.outputs[q.name])
                 least[row, i], white[row, i] = told.least, told.white
     return least, white
+
+
+def rough(problem: Problem) -> set[str]:
+    """Outputs that read forces at once, such as accelerations: they are as rough as these, and show nothing of their noise."""
+    dae = problem.dae
+    at_once = {i for part in direct(dae, range(len(dae.places))) for i in part.sparsity().row()}
+    return {q.name for i, q in enumerate(dae.outputs) if i in at_once}
 
 
 def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initial: Mapping[str, Known], step: float) -> Horizon:

@@ -10,7 +10,8 @@ import pytest
 from two_inertias import NOISE, drive, posed
 
 from backsight.estimation import Free, Problem, Weights, diagnose, smooth
-from backsight.estimation.diagnosis.start.noise_shown import FAR, with_noise_as_shown
+from backsight.estimation.diagnosis.start.noise_shown import FAR, _beside, with_noise_as_shown, with_noise_at_least
+from backsight.estimation.recordings.noise import noise
 from backsight.models import Model
 from backsight.models.mechanics.rotational import RotationalRigid
 
@@ -65,3 +66,30 @@ def test_a_shaft_that_was_taken_for_rigid_is_found_though_nobody_gave_the_sensor
     (finding,) = d.findings
     assert (finding.explanation.place, finding.explanation.physics) == ("motor", "compliance")
     assert finding.explanation.parameters["k"].value == pytest.approx(30.0, rel=0.02)
+
+
+def test_a_std_that_is_far_less_than_the_noise_of_the_samples_is_theirs():
+    whole = posed()
+    said_less = [replace(r, output_std={"n_1": NOISE / 3, "n_2": NOISE}) for r in whole.recordings]
+    problem, said = with_noise_at_least(replace(whole, recordings=said_less))
+    for r in problem.recordings:
+        assert r.output_std == {"n_1": pytest.approx(NOISE, rel=0.15), "n_2": NOISE}
+    assert "n_1 has std" in said
+    assert "n_2" not in said
+    right = replace(whole, recordings=[replace(r, output_std={"n_1": NOISE, "n_2": NOISE}) for r in whole.recordings])
+    assert with_noise_at_least(right) == (right, "")
+    given = replace(whole, recordings=said_less, weights=Weights(V={"n_1": NOISE / 3}))
+    assert with_noise_at_least(given) == (given, "")
+
+
+def test_what_an_output_does_at_once_with_a_rough_input_is_no_noise():
+    """A current behind a voltage that is another one at every row: a first-order lag of three quarters of a row, by its exact solution."""
+    rng, n, std = np.random.default_rng(0), 2000, 1e-3
+    v, a, i = rng.standard_normal(n), np.exp(-1.0 / 0.75), np.zeros(n)
+    for k in range(n - 1):
+        i[k + 1] = a * i[k] + (1 - a) * v[k]
+    y = i + std * rng.standard_normal(n)
+    assert noise(np.arange(float(n)), y).white > 100 * std
+    assert _beside(y, {"v": v}) == pytest.approx(std, rel=0.3)
+    assert _beside(y, {"other": rng.standard_normal(n)}) > 100 * std
+    assert _beside(y[:20], {"v": v[:20]}) == np.inf
