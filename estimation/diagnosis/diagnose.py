@@ -44,6 +44,7 @@ from .start.dropouts import with_whole_signals
 from .start.hold import with_better_hold
 from .start.noise_shown import with_noise_as_shown, with_noise_at_least
 from .start.sizes_known import with_sizes_known
+from .start.time_stamps import with_clock
 
 OF_BASE = 0.6  # of the search's time, that the model as it is may take
 SEARCH = 840.0  # s, from the beginning to the end of the search
@@ -85,6 +86,8 @@ def diagnose(
         if torn is not None:
             recordings = torn.mended(recordings)
             posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
+        steadied, as_said, off, jitter = with_clock(steadied, as_said, based)
+        recordings = off(recordings)
         steadied, as_said, large = _held(with_inertias_near, steadied, as_said, based)
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
@@ -107,7 +110,7 @@ def diagnose(
     if torn is not None and torn.before is not None:
         first, weights = torn.before.result, torn.before.problem.weights
     first, proving = without_offsets(first), bool(search.standing.named or torn)
-    notes = [said for said in (late, quiet, split, straight, large, open_ones, loud) if said]
+    notes = [said for said in (late, quiet, split, jitter, straight, large, open_ones, loud) if said]
     if straight:
         recordings = [replace(r, hold="linear") for r in recordings]
         posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])

@@ -46,6 +46,7 @@ class Recording:
     hold         "zero": an input keeps its value until the next row; "linear": it runs straight to the next row's
     open_hold    whether smoothing may find out which of the two it is; `hold` serves all else
     role         "fit": to estimate from; "held_out": to test on
+    clock_std    s: standard deviation by which the time stamps of samples are off; one counts for as much less as its output moves
     gap          s: rows further apart are pieces, each fitted with a start of its own (None: 20 usual intervals, see `gaps.py`)
     drive        the inputs on a clock of their own, where they change between the rows (None: they change at the rows only)
     part         0 where it starts as a recording and for its first piece, 1 for what follows the first gap, ...; one that starts in the
@@ -66,6 +67,7 @@ class Recording:
     hold: Literal["zero", "linear"] = "zero"
     open_hold: bool = False
     role: Literal["fit", "held_out"] = "fit"
+    clock_std: float = 0.0
     gap: float | None = None
     drive: Drive | None = None
     part: int = 0
@@ -95,6 +97,8 @@ class Recording:
             if std is not None and not (np.isfinite(std) and std > 0):
                 rule = "it must be positive; leave it out where nobody knows it, then it is chosen from the data"
                 raise InputError(f"{self.name}: std of output {name} is {std}; {rule}")
+        if not (np.isfinite(self.clock_std) and self.clock_std >= 0):
+            raise InputError(f"{self.name}: clock_std is {self.clock_std}; it is a time in seconds, 0 where time stamps are exact")
         check_samples(self.name, self.time, self.inputs, self.outputs)
         if self.gap is not None and not self.gap > self.sampling:
             rule = f"it must be longer than the sampling interval, {number(self.sampling)} s"
@@ -113,6 +117,7 @@ class Recording:
         every: int = 1,
         hold: Literal["zero", "linear", "auto"] = "zero",
         role: Literal["fit", "held_out"] = "fit",
+        clock_std: float = 0.0,
         gap: float | None = None,
         name: str | None = None,
         units: Mapping[str, str] | None = None,
@@ -124,6 +129,7 @@ class Recording:
         range    keep the rows from range[0] to range[1], seconds of the recorded time
         every    of those rows keep rows 0, every, 2 every, ...; between them the inputs act as recorded
         hold     see above; "auto": as smoothing finds by the evidence of both
+        clock_std  see above
         gap      rows further apart [s] are pieces with starts of their own (default: 20 usual intervals, see `gaps.py`)
         name     what to call it, in results and in messages (default: the file's name)
         units    SI unit of each of the model's signals, into which columns with a unit are converted (default: SI base units)
@@ -177,6 +183,7 @@ class Recording:
             hold=between,
             open_hold=hold == "auto",
             role=role,
+            clock_std=clock_std,
             gap=gap,
             drive=drive,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -16,8 +17,20 @@ ALIKE = 1.5  # times that the two faster thirds may differ in how far a clock wo
 FEW = 300  # samples: fewer say little of thirds
 
 
-def clock_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list[str]:
-    """A sentence for every output whose errors grow with its rate as those of a clock would.
+@dataclass(frozen=True)
+class OffClock:
+    """An output of a recording whose errors are those of a clock that is off by so much [s]; sizes of the slowest and the fastest third."""
+
+    recording: str
+    output: str
+    unit: str
+    off: float
+    slow: float
+    fast: float
+
+
+def off_clock(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list[OffClock]:
+    """Every output whose errors grow with its rate as those of a clock would.
 
     Noise of a sensor does not, nor do steps of an encoder, which are the same as soon as it moves; errors of its gain go with where it is.
     """
@@ -41,10 +54,18 @@ def clock_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list
             off = middle / float(np.median(speed[thirds[1]])), fast / float(np.median(speed[thirds[2]]))
             alike = max(off) < ALIKE * min(off) and np.corrcoef(size, speed)[0, 1] > np.corrcoef(size, far)[0, 1]
             if middle > GROWS * slow and fast > GROWS * middle and alike:
-                which = f"{q.name} of {name}" if len(estimates) > 1 else q.name
-                found.append(
-                    f"{which}: measured minus smoothed grows with how fast it moves, {slow:.2g} {q.unit} in the slowest third of the "
-                    f"samples and {fast:.2g} in the fastest. Time stamps that are off by about {off[-1]:.2g} s would make it, or a "
-                    "vibration that comes with motion: are they those at which the sensor was read?"
-                )
+                found.append(OffClock(name, q.name, q.unit, off[-1], slow, fast))
     return found
+
+
+def clock_notes(problem: Problem, estimates: Mapping[str, pd.DataFrame]) -> list[str]:
+    """A sentence for every output whose errors are those of a clock, where nobody said that it is off."""
+    told = {r.name for r in problem.recordings if r.clock_std}
+    return [
+        f"{f'{x.output} of {x.recording}' if len(estimates) > 1 else x.output}: measured minus smoothed grows with how fast it moves, "
+        f"{x.slow:.2g} {x.unit} in the slowest third of the samples and {x.fast:.2g} in the fastest. Time stamps that are off by about "
+        f"{x.off:.2g} s would make it, or a vibration that comes with motion: are they those at which the sensor was read? If they cannot "
+        f"be, say clock_std = {x.off:.1g}."
+        for x in off_clock(problem, estimates)
+        if x.recording not in told
+    ]

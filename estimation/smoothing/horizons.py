@@ -17,6 +17,7 @@ from ..recordings.drive import drive_of
 from ..recordings.gaps import usual_interval
 from ..recordings.noise import noise, varies
 from ..recordings.outliers import screened
+from ..recordings.rate import rate
 from ..recordings.recording import Recording
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -82,7 +83,7 @@ def shown_noise(problem: Problem) -> tuple[Array, Array]:
     for row, piece in enumerate(problem.fitted):
         own = whole[piece.name]
         for i, q in enumerate(dae.outputs):
-            if q.name in piece.outputs and q.name not in at_once:
+            if q.name in piece.outputs and q.name not in at_once and not piece.clock_std:  # what a clock does alternates, too
                 told = noise(own.time, own.outputs[q.name])
                 least[row, i], white[row, i] = told.least, told.white
     return least, white
@@ -101,7 +102,8 @@ def make_horizon(dae: Dae, recording: Recording, std: Mapping[str, float], initi
     target, target_std = np.full((n, len(dae.outputs)), np.nan), np.ones((n, len(dae.outputs)))
     for i, output in enumerate(dae.outputs):
         if output.name in recording.outputs:
-            target[:, i], target_std[:, i] = recording.outputs[output.name], std[output.name]
+            target[:, i] = recording.outputs[output.name]
+            target_std[:, i] = np.hypot(std[output.name], recording.clock_std * rate(recording.time, target[:, i]))
     # times from the recording's own start: a clock that counts from 1970 would cost digits
     time = recording.time - recording.time[0]
     drive, (known, known_std) = drive_of(recording), _start(dae, initial)

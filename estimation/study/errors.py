@@ -42,7 +42,9 @@ _HOME = {  # where a key belongs that stands elsewhere
     "loss": 'it is said of a column, as in x = { column = "x_m", loss = "auto" }',
     "limits": 'it is said of an input\'s column, as in F = { column = "F_N", limits = [-500, 500] }',
     **dict.fromkeys(("guess", "drift", "per_recording"), 'it is said of a parameter, as in "mass.m" = { guess = 1.0 } under [parameters]'),
-    **dict.fromkeys(("file", "role", "time", "range", "every", "hold", "gap", "inputs", "outputs"), "it stands under [[recording]]"),
+    **dict.fromkeys(
+        ("file", "role", "time", "range", "every", "hold", "clock_std", "gap", "inputs", "outputs"), "it stands under [[recording]]"
+    ),
     "samples": "it stands under [horizon]",
 }
 

@@ -163,6 +163,7 @@ class RecordingTable(Part):
     range: Annotated[list[Finite], Field(min_length=2, max_length=2)] | None = None
     every: Annotated[int, Field(ge=1)] = 1
     hold: Literal["zero", "linear", "auto"] = "zero"
+    clock_std: Positive | None = None
     gap: Positive | None = None
     inputs: dict[str, InputEntry] = {}
     outputs: dict[str, OutputEntry] = {}

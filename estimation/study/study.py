@@ -354,6 +354,7 @@ class Study:
             range=(entry.range[0], self._until(entry)) if entry.range else None,
             every=entry.every,
             hold=entry.hold,
+            clock_std=entry.clock_std or 0.0,
             gap=entry.gap,
             role=entry.role,
             units={q.name: q.unit for q in (*self.dae.inputs, *self.dae.outputs)},

@@ -363,9 +363,11 @@ def test_a_missing_study_names_the_one_beside_it(folder):
 
 
 def test_gap_hold_loss_and_delay_of_a_recording_arrive_in_the_problem(folder):
-    text = swap('time = "t_s"', 'time = "t_s"\ngap = 0.5\nhold = "auto"', swap("std = 1e-5", 'loss = "huber", delay = "estimate"'))
+    text = swap(
+        'time = "t_s"', 'time = "t_s"\ngap = 0.5\nhold = "auto"\nclock_std = 1e-4', swap("std = 1e-5", 'loss = "huber", delay = "estimate"')
+    )
     (recording,) = study(folder, text).recordings
-    assert (recording.gap, recording.hold, recording.open_hold) == (0.5, "zero", True)
+    assert (recording.gap, recording.hold, recording.open_hold, recording.clock_std) == (0.5, "zero", True, 1e-4)
     assert (recording.output_loss, recording.open_delays) == ({"x": "huber"}, ("x",))
     problem = study(folder, text).problem()
     assert problem.parameters["delay:x"] == Free(0.0, min=0.0)
