@@ -47,12 +47,17 @@ def as_changed(model: Model, path: str, value: SX, time: SX, values: Mapping[str
     return value
 
 
+def acting(value: SX, before: SX, time: SX, since: float, until: float | None = None) -> SX:
+    """What has a value from a time [s] on, or until another, and is else as before."""
+    begun = ca.if_else(time >= since, value, before)
+    return begun if until is None else ca.if_else(time >= until, before, begun)
+
+
 def _course(change: Change, by: SX, time: SX, values: Mapping[str, SX]) -> SX:
     """How a change goes."""
     since = change[1]
     if len(change) < 4:
-        begun = ca.if_else(time >= since, by, 0.0)
-        return begun if len(change) == 2 else ca.if_else(time >= change[2], 0.0, begun)
+        return acting(by, 0.0, time, *change[1:])
     span = change[2] - since
     rate = values[change[3]] * span + NO_RATE
     return by * ca.expm1(-rate * ca.if_else(time >= since, time - since, 0.0) / span) / ca.expm1(-rate)

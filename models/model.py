@@ -15,6 +15,7 @@ from .language import Component, Connector, Parameter, Signal, SignalInput, Sign
 
 GROUNDS: dict[type[Connector], type[Component]] = {}
 
+Onset = tuple[float, float] | tuple[float, float, float]  # see `Model`
 Change = tuple[str, float] | tuple[str, float, float] | tuple[str, float, float, str]  # see `Model`
 
 
@@ -59,7 +60,8 @@ class Model:
     start        variable -> its value at the start, or a guess of it [SI], {"joint_3.phi": 1.2}
     states       coordinates that stay states where a closed loop leaves a choice, ("joint_1.phi", "joint_2.phi")
     residuals    places whose laws carry a residual force from the start, besides the balances of bodies
-    onsets       parameter of a component -> (time [s] from which it has its value, what it is before), {"friction.f_c": (3.2, 0.0)}
+    onsets       parameter of a component -> (time [s] from which it has its value, what it is before), {"friction.f_c": (3.2, 0.0)}; and
+                 from when on it is that again, if it ends
     changes      parameter of the model -> (parameter, of a component or shared, that it is added to, time [s] from which it is), {"fallen":
                  ("load.m", 4.0)}, and until when, if not to the end; of what changes little by little until when it has, and its rate
 
@@ -76,7 +78,7 @@ class Model:
     start: Mapping[str, float] = field(default_factory=dict)
     states: Sequence[str] = ()
     residuals: Sequence[str] = ()
-    onsets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    onsets: Mapping[str, Onset] = field(default_factory=dict)
     changes: Mapping[str, Change] = field(default_factory=dict)
     description: str = ""
 
@@ -207,13 +209,13 @@ class Model:
                 )
         return replace(self, components=components, parameters=parameters)
 
-    def since(self, path: str, time: float, before: float = 0.0) -> Model:
+    def since(self, path: str, time: float, before: float = 0.0, *, until: float | None = None) -> Model:
         """The model with a parameter of a component that has its value from a time [s] on, and `before` that: friction that sets in.
 
-        Time is that of the simulation, or of the recording as it stands in its time column. Raises ModelError for a parameter that no
-        component declares and for what is no finite number.
+        until: from then on [s] it is as before. Times are those of the simulation, or of the recording as they stand in its time column.
+        Raises ModelError for a parameter that no component declares and for what is no finite number.
         """
-        return replace(self, onsets={**self.onsets, path: (time, before)})
+        return replace(self, onsets={**self.onsets, path: (time, before) if until is None else (time, before, until)})
 
     def changing(
         self, path: str, time: float, name: str, by: float = 0.0, *, until: float | None = None, rate: float | None = None
@@ -341,8 +343,13 @@ class Model:
     def _check_onsets(self) -> None:
         for path, onset in self.onsets.items():
             self.declared("onset", path)
-            if not (isinstance(onset, tuple) and len(onset) == 2 and all(is_number(value) for value in onset)):
-                raise ModelError(f"onset '{path}' = {onset!r}: a pair of finite numbers is needed, the time [s] and the value before it")
+            if not (isinstance(onset, tuple) and len(onset) in (2, 3) and all(is_number(value) for value in onset)):
+                ends = "and, of what ends, the time from which on it is that again"
+                raise ModelError(
+                    f"onset '{path}' = {onset!r}: a pair of finite numbers is needed, the time [s] and the value before it, {ends}"
+                )
+            if len(onset) == 3 and not onset[2] > onset[0]:
+                raise ModelError(f"onset '{path}' = {onset!r}: it has its value from one time [s] until a later one")
 
     def declared(self, what: str, path: str) -> Parameter:
         """The parameter of a component that is `what` of the model, an onset or a change; ModelError with the nearest one."""

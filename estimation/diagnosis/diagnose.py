@@ -150,7 +150,7 @@ def diagnose(
     except FAILURES as error:
         notes.append(f"What was held out could not be predicted: {error}")
     if held_out is not None and held_out.refuting:
-        if search.standing.faint and torn is None:
+        if search.standing.faint:
             notes.append(withdrawn(search.standing.findings, held_out))
             search.withdraw()
             verdict, held_out = search.verdict(), held_out.unrepaired

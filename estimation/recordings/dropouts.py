@@ -1,8 +1,9 @@
 """Stretches in which a signal is far off what it is around them, and goes and comes back at once: a counter that misses its marks.
 
-A row stands off by more than GROSS robust deviations of the signal about its running median. A stretch of such rows is one that drops out
-where most of the way there, and most of the way back, is a jump of one row or two. That may be a pulse that somebody meant, too: what the
-machine did tells (`diagnosis/start/dropouts.py`).
+A row stands off by more than GROSS robust deviations of the signal about its running median; or several read one value, though the signal
+is no held one, and it is far off from them at both ends. A stretch of such rows is one that drops out where most of the way there, and most
+of the way back, is a jump of one row or two. That may be a pulse that somebody meant, too: what the machine did tells
+(`diagnosis/start/dropouts.py`).
 """
 
 from __future__ import annotations
@@ -23,33 +24,46 @@ AROUND = 0.1  # of the rows: of the running median
 LONGEST = 0.4  # of those: a longer stretch may be the signal, and what is around it not
 MOST = 0.25  # of all rows: more are no dropouts but what the signal is like
 JUMP = 0.5  # of how far a stretch stands off: by so much it goes and comes back within two rows
+OFTEN = 0.3  # of the rows that read what the one before does: such a signal is held
 ORDER = 24  # of the autoregression
 FEWEST = 9  # rows
 ASTRAY = 0.02  # of all that a signal does: single samples that are off by less are noise that has tails
 FROZEN = 6  # rows that read the same, before one that is elsewhere at once
+APART = 0.9  # of how far a stretch stands off: so far apart may be what is on either side
 BESIDE = 1  # rows on either side of a stretch, of which a mean or a filter makes a part of it
 
 
 def dropped_out(u: Array) -> Mask:
     """Rows of a signal (n,) that drop out, and those beside them."""
-    n = len(u)
+    n, out = len(u), np.zeros(len(u), dtype=bool)
     width = 2 * round(AROUND * n / 2) + 1
-    out = np.zeros(n, dtype=bool)
     if width < FEWEST:
         return out
-    middle = median_filter(u, size=width, mode="nearest")
-    off = np.abs(u - middle)
-    usual = robust_std(u - middle)
-    if not usual > 0:
-        return out
-    for first, last in stretches(off > GROSS * usual):
-        if first <= BESIDE or last >= n - BESIDE - 1 or not last - first < LONGEST * width:
-            continue
-        least, run = JUMP * off[first : last + 1].max(), u[first : last + 1]
-        gone, back = (np.abs(run[ends] - u[row]).max() for ends, row in ((np.s_[:2], first - BESIDE - 1), (np.s_[-2:], last + BESIDE + 1)))
-        if min(gone, back) > least:
+    off, least = np.abs(u - median_filter(u, size=width, mode="nearest")), GROSS * robust_std(np.diff(u))
+    found = stretches(off > GROSS * usual) if (usual := robust_std(off)) > 0 else []
+    for first, last in [*found, *_of_one_value(u)]:
+        inside = first > BESIDE and last < n - BESIDE - 1 and last - first < LONGEST * width
+        if inside and _goes_and_comes(u, first, last, least):
             out[first - BESIDE : last + BESIDE + 1] = True
     return out if out.mean() < MOST else np.zeros(n, dtype=bool)
+
+
+def _of_one_value(u: Array) -> list[tuple[int, int]]:
+    """Runs of a signal that read one value, and are far off from one row to the next on either side; none of one that often does."""
+    steps = np.abs(np.diff(u))
+    if np.mean(steps == 0) > OFTEN:
+        return []
+    least = GROSS * robust_std(steps)
+    runs = ((first, last + 1) for first, last in stretches(steps == 0))  # of rows, not of what is between them
+    return [(a, b) for a, b in runs if b - a >= 2 and a > 0 and b < len(u) - 1 and min(steps[a - 1], steps[b]) > least]
+
+
+def _goes_and_comes(u: Array, first: int, last: int, least: float) -> bool:
+    """Whether a stretch is so far off the line between the rows around it, and most of that is done within two rows at either end."""
+    before, after, run = u[first - BESIDE - 1], u[last + BESIDE + 1], u[first : last + 1]
+    off = np.abs(run - np.linspace(before, after, len(run) + 2)[1:-1]).max()
+    gone, back = (np.abs(run[ends] - there).max() for ends, there in ((np.s_[:2], before), (np.s_[-2:], after)))
+    return bool(off > least and min(gone, back) > JUMP * off and abs(after - before) < APART * off)
 
 
 def blank(time: Array, y: Array, *, single: bool = True) -> Mask:

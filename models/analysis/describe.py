@@ -46,7 +46,7 @@ def _declared(model: Model, width: int) -> list[str]:
         _table("components", ((name, _kind(c), _law(type(c).__doc__)) for name, c in model.components.items()), width),
         _table("connections", ((line,) for line in _connections(model)), width),
         _table("shared parameters", ((a, f"= {b}") for a, b in model.bindings.items()), width),
-        _table("onsets", ((path, f"from {time:g} s on; {before:g} before") for path, (time, before) in model.onsets.items()), width),
+        _table("onsets", ((path, f"{_when(*onset[:1], *onset[2:])}; {onset[1]:g} before") for path, onset in model.onsets.items()), width),
         _table("changes", (_changing(name, change) for name, change in model.changes.items()), width),
     ]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from ..changes import as_changed
+from ..changes import acting, as_changed
 from ..errors import ModelError, suggestion
 from ..language import Component, Connector, Equation, Parameter, Signal, SignalOutput, Variable
 from ..model import Model
@@ -139,8 +139,8 @@ def _symbols(model: Model, table: _Table) -> tuple[dict[str, tuple[Parameter, fl
                 parameters[path] = (in_units(name, component, parameter, units), component.parameters[word], ca.SX.sym(path))
             names[word] = table.parameters[path] = parameters[model.bindings.get(path, path)][2]
             if path in model.onsets:
-                onset, before = model.onsets[path]
-                names[word] = ca.if_else(table.time >= onset, names[word], before)
+                onset, before, *until = model.onsets[path]
+                names[word] = acting(names[word], before, table.time, onset, *until)
             for changing in dict.fromkeys((path, model.bindings.get(path, path))):
                 names[word] = as_changed(model, changing, names[word], table.time, table.parameters)
         for word, variable in component.declared_variables.items():

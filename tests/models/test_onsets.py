@@ -166,6 +166,17 @@ def test_what_cannot_change_little_by_little_is_refused(time, given, said):
         axis(parameters={"worn_rate": Mass().declared_parameters["m"]}).changing("push.f", 0.1, "worn", until=0.4, rate=0.0)
 
 
+def test_what_sets_in_may_end():
+    model = axis().since("push.f", 0.2, 1.0, until=0.5)
+    more = np.maximum(TIMES - 0.2, 0.0) - np.maximum(TIMES - 0.5, 0.0)
+    assert simulate(model, TIMES).outputs["v"] == pytest.approx(1.0 - 0.5 * TIMES - more, abs=1e-9)
+    assert "push.f  from 0.2 to 0.5 s; 1 before" in model.describe()
+    exec(python_code(model), space := {})
+    assert space["axis"]() == model
+    with pytest.raises(ModelError, match="until a later one"):
+        axis().since("push.f", 0.4, until=0.4)
+
+
 def test_the_description_tells_it():
     assert "push.f  from 0.4 s on; 0 before" in axis().since("push.f", 0.4).describe()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..answer.verdict import Key, keyed, titled
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 FARTHEST = 30.0  # times what it is: no number changes by more
-SLOWEST, FASTEST = 1e-4, 50.0  # rates of what changes little by little, times the time that it takes: a ramp, and next to at once
+SLOWEST, FASTEST = 1e-4, 200.0  # rates of what changes little by little, times the time that it takes: a ramp, and next to at once
 ORDER = ("parameter", "sensor", "actuator")  # families that explain before physics that was left out does, where all explain as much
 
 
@@ -73,22 +74,28 @@ class Rebuild:
         return self.said
 
 
+def _when(time: float, until: float | None) -> str:
+    """From 4.1 s on."""
+    return f"from {time:.7g} s on" if until is None else f"from {time:.7g} s to {until:.7g} s"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Since:
-    """Parameters that have their values from a time [s] on (`Model.since`). before: parameter -> what it is until then."""
+    """Parameters that have their values from a time [s] on, or until another (`Model.since`). before: parameter -> what it is else."""
 
     time: float
     before: tuple[tuple[str, float], ...]
+    until: float | None = None
 
     def __call__(self, model: Model) -> Model:
         for path, value in self.before:
-            model = model.since(path, self.time, value)
+            model = model.since(path, self.time, value, until=self.until)
         return model
 
     @property
     def words(self) -> str:
         """f_c from 3.2 s on."""
-        return f"{', '.join(path for path, _ in self.before)} from {self.time:.4g} s on"
+        return f"{', '.join(path for path, _ in self.before)} {_when(self.time, self.until)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +125,7 @@ class Change:
     @property
     def words(self) -> str:
         """load.m + load_m_change from 4.1 s on."""
-        gradual, until = "little by little " if self.gradual else "", "on" if self.until is None else f"to {self.until:.4g} s"
-        return f"{self.path} + {self.name} {gradual}from {self.time:.4g} s {until}"
+        return f"{self.path} + {self.name} {'little by little ' if self.gradual else ''}{_when(self.time, self.until)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +160,10 @@ class Alike:
 
 
 Edit = Insert | Exchange | Rebuild | Alike | Since | Change
+
+
+def _sets_in(edit: Edit) -> TypeGuard[Since | Change]:
+    return isinstance(edit, Since) or (isinstance(edit, Change) and not edit.gradual)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -320,33 +330,28 @@ class Candidate:
     def since(self, time: float | None, until: float | None = None) -> Candidate | None:
         """The same from a time [s] on; None without one, and for what no strengths tell, of components that come in or of one parameter.
 
-        until: from when on a parameter is as before; what else sets in does not end.
+        until: to which.
         """
         if time is not None and self.change and not self.edits:
             return self._changing(time, until)
         own = {name.partition(".")[0] for name in self.strengths} <= {*self.brought}
-        if time is None or until is not None or not self.strengths or self.signals or self.absorbs or not own:
+        if time is None or not self.strengths or self.signals or self.absorbs or not own:
             return None
-        onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths))
+        onset = Since(time=time, before=tuple((name, self.neutral(name)) for name in self.strengths), until=until)
         return replace(self, edits=(*self.edits, onset))
 
     def dated(self, time: float, until: float | None) -> Candidate:
         """What sets in, from another time on [s], and until another."""
-        edits = (
-            replace(e, time=time, until=until)
-            if isinstance(e, Change) and not e.gradual
-            else replace(e, time=time)
-            if isinstance(e, Since)
-            else e
-            for e in self.edits
-        )
-        return replace(self, edits=tuple(edits))
+        return replace(self, edits=tuple(replace(e, time=time, until=until) if _sets_in(e) else e for e in self.edits))
 
-    def slowly(self, time: float, until: float) -> Candidate:
-        """A parameter of the model that changes little by little between two times [s]: from a ramp to what is over at once."""
-        slow, span = self._changing(time, until, gradual=True), until - time
+    def slowly(self, time: float, until: float, recorded: float) -> Candidate:
+        """A parameter of the model that changes little by little between two times [s]: from a ramp to what is over at once.
+
+        recorded: so much of that time was [s].
+        """
+        slow = self._changing(time, until, gradual=True)
         (edit,) = slow.changes
-        rate = (1.0 / span, SLOWEST / span, FASTEST / span)
+        rate = (1.0 / recorded, SLOWEST / (until - time), FASTEST / recorded)
         return replace(slow, start={**slow.start, edit.rate: rate}, named={**slow.named, "rate": edit.rate})
 
     def _changing(self, time: float, until: float | None, *, gradual: bool = False) -> Candidate:
@@ -370,12 +375,12 @@ class Candidate:
     @property
     def onset(self) -> float | None:
         """The time from which on it acts [s], None from the start; of what changes little by little none is told."""
-        return next((e.time for e in self.edits if isinstance(e, Since) or (isinstance(e, Change) and not e.gradual)), None)
+        return next((e.time for e in self.edits if _sets_in(e)), None)
 
     @property
     def until(self) -> float | None:
         """The time until which it acts [s], None to the end."""
-        return next((change.until for change in self.changes if not change.gradual), None)
+        return next((e.until for e in self.edits if _sets_in(e)), None)
 
     @property
     def of_reading(self) -> bool:

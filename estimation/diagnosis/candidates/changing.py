@@ -46,7 +46,7 @@ def _may(problem: Problem, model: Model, info: ParameterInfo, brought: Collectio
         return False
     if isinstance(given, Free) and (given.drift is not None or given.per_recording):
         return False
-    if given is None and not of_machine(info.name, model):
+    if given is None and not (of_machine(info.name, model) and all(path.rpartition(".")[2] != "g" for path in ends)):
         return False
     return not any(isinstance(model.components[owner], Gear | Rack) for owner in owners)
 

@@ -21,7 +21,8 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 Index = NDArray[np.int64]
 
 STAGES = 3
-TOLERANCE = 1e-4  # error over the size of the state of a rule of order 2 in the step: its own is a thousandth of the noise or so
+TOLERANCE = 1e-4  # error over the size of the state of a rule of order 2 in the step: what moves smoothly is off by a thousandth of that
+ROUNDED = 1e-5  # the same of a model with rounded signs: where one changes the step is no better than that
 GROSS = 1e-2  # error of the shortest step over the size of the state: a corner costs less, and what moves so has no end
 SETTLED = 1e-2  # of the tolerance: the last Newton correction
 NEWTON, HALVINGS = 25, 8
@@ -53,6 +54,7 @@ class Step:
 
     def __init__(self, dae: Dae, size: Array) -> None:
         self.nx, self.nz, self.size = dae.x.shape[0], dae.z.shape[0], size
+        self.tolerance = ROUNDED if any(p.smoothing for p in dae.parameters) else TOLERANCE
         self.c, self.a, _ = tableau(STAGES)
         nodes = self.c[:-1]  # an embedded rule of the stages before the last, of order 2: cautious, and it needs no rate at the start
         self.low = np.linalg.solve((nodes[:, None] ** np.arange(STAGES - 1)).T, 1.0 / np.arange(1, STAGES))
@@ -69,7 +71,7 @@ class Step:
         end = x + cell.h * np.tensordot(b, K, axes=1)
         error = np.abs(cell.h * (np.tensordot(b, K, axes=1) - np.tensordot(self.low, K[:-1], axes=1))) / self.size[:, None]
         worst = error.max(axis=0, initial=0.0)
-        good = solved & (worst < TOLERANCE)
+        good = solved & (worst < self.tolerance)
         rate, algebraics = K[-1], Z[-1]
         end[:, ~solved | ((depth == DEEPEST) & ~(worst < GROSS))] = np.nan
         bad = np.flatnonzero(~good & np.isfinite(x).all(axis=0))  # of what has no start no part has an end
@@ -116,12 +118,12 @@ class Step:
             for _ in range(HALVINGS):
                 second = correction(system.rest(V + factor * d, of))
                 after = length(second)
-                worse = usable & (after > np.maximum((1.0 - factor / 4.0) * before, SETTLED * TOLERANCE))
+                worse = usable & (after > np.maximum((1.0 - factor / 4.0) * before, SETTLED * self.tolerance))
                 if not worse.any():
                     break
                 factor[worse] /= 2.0
             left = after * np.minimum(after / np.maximum(before, 1e-300), 1.0)  # once that correction is made too: it contracts
-            done = usable & (left < SETTLED * TOLERANCE) & (factor == 1.0)
+            done = usable & (left < SETTLED * self.tolerance) & (factor == 1.0)
             U[:, :, of] = V + factor * d + np.where(done, second, 0.0)
             solved[of[done]] = True
             todo = of[usable & ~done]

@@ -24,7 +24,7 @@ Span = tuple[float, float | None]  # from when until when something acts [s]; No
 
 ONSETS = 24  # times that are looked at
 FINER = 17  # and then about the best of these
-RATES = (0.03, 1.5, 5.0, 15.0)  # of what changes little by little, times the time that was recorded
+RATES = (0.03, 1.5, 5.0, 15.0, 50.0)  # of what changes little by little, times the time that was recorded
 EDGE = 0.04  # of the recording: what starts before that starts with it
 SETTING_IN = frozenset(
     ("coulomb_friction", "viscous_friction", "constant_force", "added_mass", "input_gain", "input_offset", "sensor_gain", "sensor_bias")
@@ -69,9 +69,9 @@ def late(base: Linearised, looks: Sequence[Look], changing: Sequence[Look] = ())
 
 def _slowly(clock: _Clock, look: Look) -> Iterator[Look]:
     """A parameter that changes little by little over all that was recorded, at several rates."""
-    candidate = look.candidate.slowly(clock.low, clock.high)
-    for rate in RATES:
-        shape = {change.rate: rate / (clock.high - clock.low) for change in candidate.changes}
+    candidate = look.candidate.slowly(clock.low, clock.high, clock.span)
+    for rate in (times / clock.span for times in RATES):
+        shape = {change.rate: rate for change in candidate.changes}
         yield Look(candidate=candidate, shape=look.shape | shape, columns=clock.slowly(look.columns, rate), whole=look)
 
 
@@ -216,11 +216,11 @@ class _Clock:
         return Columns(squares=columns.squares * acting(self.squares), multiplied=columns.multiplied * acting(self.multiplied))
 
     def slowly(self, columns: Columns, rate: float) -> Columns:
-        """Of what changes little by little from the first to the last sample, at a rate times what is between (`Model.changing`)."""
+        """Of what changes little by little from the first to the last sample, at a rate [1/s] (`Model.changing`)."""
 
         def grown(times: Array) -> Array:
-            passed = (times - self.low) / (self.high - self.low)
-            return np.asarray(np.expm1(-rate * np.clip(passed, 0.0, None)) / np.expm1(-rate))[:, None]
+            passed = np.clip(times - self.low, 0.0, None)
+            return np.asarray(np.expm1(-rate * passed) / np.expm1(-rate * (self.high - self.low)))[:, None]
 
         return Columns(squares=columns.squares * grown(self.squares), multiplied=columns.multiplied * grown(self.multiplied))
 

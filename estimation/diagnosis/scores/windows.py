@@ -28,11 +28,11 @@ class Window:
 
 
 def best_window(looks: Sequence[Look], scores: Scores, drawn: Array, told: float) -> Window | None:
-    """Of looks, with their scores, at one change of a parameter from several times on. None where there are no two of them.
+    """Of looks, with their scores, at one effect of one strength from several times on. None where there are no two of them.
 
     drawn (n, draws): scores of the same by chance. told: of a strength's squares before all that is free is projected out, that tells it.
     """
-    steps = [k for k, look in enumerate(looks) if look.candidate.changes and look.candidate.onset is not None]
+    steps = [k for k, look in enumerate(looks) if look.candidate.onset is not None]
     if len(steps) < 2:
         return None
     first, last = (np.array(steps)[side] for side in np.triu_indices(len(steps), 1))
@@ -41,7 +41,10 @@ def best_window(looks: Sequence[Look], scores: Scores, drawn: Array, told: float
     seen = np.flatnonzero(told * np.maximum(plain, np.finfo(float).tiny) < G)
     if not len(seen):
         return None
-    gains, chance = b[seen] ** 2 / (2 * G[seen]), (drawn[first[seen]] - drawn[last[seen]]) ** 2 / (2 * G[seen, None])
+    by_chance = drawn[first[seen]] - drawn[last[seen]]
+    gains, chance = b[seen] ** 2 / (2 * G[seen]), by_chance**2 / (2 * G[seen, None])
+    if looks[0].candidate.one_sided:
+        gains, chance = np.where(b[seen] < 0, gains, 0.0), np.where(by_chance < 0, chance, 0.0)
     k = seen[int(np.argmax(gains))]
     begun, ended = looks[first[k]], looks[last[k]]
     whole, since = begun.whole, ended.candidate.onset

@@ -59,7 +59,8 @@ def _numbers(c: Candidate, result: Smoothing) -> dict[str, ParameterEstimate]:
 
     What changes little by little at next to no rate is a ramp, and that is no number of it.
     """
-    ramps = {change.rate for change in c.changes if (p := result.parameters.get(change.rate)) is not None and p.on_bound}
+    slowest = {change.rate: 2.0 * c.start[change.rate][1] for change in c.changes if change.rate in c.start}
+    ramps = {name for name, least in slowest.items() if name in result.parameters and result.parameters[name].value < least}
     found = {word: result.parameters[path] for word, path in c.named.items() if path in result.parameters and path not in ramps}
     later = {path.rpartition(".")[2]: result.parameters[path] for path in c.later if path in result.parameters}
     return found | {word: p for word, p in later.items() if not p.fixed}
@@ -233,7 +234,7 @@ def _unknown(place: str, parameters: Mapping[str, Strength]) -> Explanation:
 
 def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """A force without a name first, then what has the most evidence: a small effect may have been found before a large one."""
-    return tuple(sorted(findings, key=lambda f: (f.explanation.physics != UNKNOWN, -f.gain)))
+    return tuple(sorted(findings, key=lambda f: (f.explanation.physics != UNKNOWN, -np.nan_to_num(f.gain, nan=np.inf))))
 
 
 def verdict(findings: Sequence[Finding]) -> Class:

@@ -36,7 +36,7 @@ class Keep:
 
     def name(self, what: str, candidate: Candidate | None = None, start: Mapping[str, float] | None = None) -> str:
         """Of a part: the problem, what came before, the candidate's edits and where its fit starts."""
-        edits = [edit.words for edit in candidate.edits] if candidate else []
+        edits = [(edit.words, *(getattr(edit, name, None) for name in ("time", "until"))) for edit in candidate.edits] if candidate else []
         numbers = {k: f"{v:.{DIGITS}g}" for k, v in sorted((start or {}).items())}
         own = repr((code_of(*CODE), self._problem, what, candidate.key if candidate else "", edits, numbers))
         return hashlib.sha256(own.encode()).hexdigest()[:32]

@@ -15,6 +15,8 @@ from .choice import CLEAR, LATE, MOST
 from .findings import AS_MUCH, Judged
 from .refit import Fitted
 
+HALF = 0.7  # of what is left over: half of its squares
+
 
 def late_as_another(fitted: Sequence[Judged]) -> list[tuple[Screened, Smoothing]]:
     """A lag where a delay of the same signal gained more, or the other way round, as late as that is, and where that came to rest.
@@ -35,24 +37,27 @@ def late_as_another(fitted: Sequence[Judged]) -> list[tuple[Screened, Smoothing]
     return found
 
 
-def late_unheard(fitted: Sequence[Judged], candidates: Sequence[Candidate], found: Screen) -> list[Candidate]:
+def late_unheard(fitted: Sequence[Judged], candidates: Sequence[Candidate], found: Screen, before: float) -> list[Candidate]:
     """Delays on the other side of the machine where something late has the best score, or nearly, and falls short of it.
 
     A model that has bent to a sensor that is late hears nothing of that from its score, and blames the inputs. Where a fit brings what its
-    score promised, or any explains what matters, nobody else is asked.
+    score promised and leaves less than half of what was left over, or any explains what matters, nobody else is asked. before: the largest
+    share of the forces at a place that is left over without them.
     """
     most = max((s.gain for _, s, _ in fitted if s is not None), default=0.0)
     heard = [(c, s, f) for c, s, f in fitted if c.physics in LATE and s is not None and s.gain >= AS_MUCH * most]
     late = {c.family for c, _, _ in heard}
-    if not late or any(f.gain >= s.gain for _, s, f in heard if s is not None) or any(_explains(f) for _, _, f in fitted):
+    if not late or any(f.gain >= s.gain and _explains(f, HALF * before) for _, s, f in heard if s is not None):
+        return []
+    if any(_explains(f) for _, _, f in fitted):
         return []
     tried, scores = {c.key for c, _, _ in fitted}, {id(s.candidate): s.gain for s in found.found}
     delays = (c for c in candidates if c.physics in ("input_delay", "sensor_delay") and c.key not in tried)
     return sorted((c for c in delays if c.family not in late), key=lambda c: -scores.get(id(c), 0.0))[:MOST]
 
 
-def _explains(f: Fitted) -> bool:
-    """Whether a fit gains and leaves nothing over that matters."""
+def _explains(f: Fitted, least: float = FLOOR) -> bool:
+    """Whether a fit gains and leaves no more than that over."""
     if not f.gain > CLEAR or f.problem is None or (whole := f.whole) is None:
         return False
-    return not max(left_over(f.problem, whole).values(), default=0.0) > FLOOR
+    return not max(left_over(f.problem, whole).values(), default=0.0) > least

@@ -174,7 +174,7 @@ class Round:
         self._fit([(s.candidate, s) for s in richer], now)
         self._fit_where([(c, None, there) for c, there in self._plainer_than_fitted()], now)
         self._fit_where([(s.candidate, s, there) for s, there in late_as_another(self.fitted)], now)
-        unheard = late_unheard(self.fitted, [c for c in self.candidates if not self._there(c)], self.found)
+        unheard = late_unheard(self.fitted, [c for c in self.candidates if not self._there(c)], self.found, self.sizes.most)
         self._fit([(c, None) for c in unheard], now)
 
     def _there(self, c: Candidate) -> bool:

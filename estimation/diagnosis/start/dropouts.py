@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backsight.models import Model
 from backsight.models.errors import InputError
 
 from ...problem import Problem
@@ -22,12 +23,19 @@ from ...recordings.recording import Recording
 from ...smoothing.begun import Begun
 from ...smoothing.smoother import smoothing
 from ..answer.verdict import Explanation, Finding, Strength
+from ..candidates.library import library
+from ..scores.score import Linearised
+from ..scores.screen import screen
+from ..scores.shares import left_over
+from ..scores.supermodel import looked_at
 from ..search.choice import CLEAR
-from ..search.refit import FAILURES, settled, worth_of
+from ..search.refit import FAILURES, begun, fitted, settled, worth_of
 from .as_it_is import AsItIs
 
 INPUT, SENSOR = "input:", "sensor:"
 FAMILY = {INPUT: ("actuator", "input_dropout"), SENSOR: ("sensor", "sensor_dropout")}
+FITTED = 4  # faults of inputs that are held against it
+LESS = 0.5  # of the largest share of the forces at a place that is left over, where evidences say nothing
 PLAINLY = 10.0  # nats that each stretch has to bring beside CLEAR
 ASKED = 60.0  # s, that the first look may take
 TOLD = 3  # stretches that are named
@@ -45,8 +53,9 @@ class Torn:
     gains: dict[str, float]
 
     def mended(self, recordings: Sequence[Recording]) -> list[Recording]:
-        """Recordings with what was likely there, and without samples of what was not."""
-        return [_mended(r, self.gains) for r in recordings]
+        """Recordings with what was likely there, and without samples of what was not; inputs that are held out stay as they are."""
+        sensors = [place for place in self.gains if place.startswith(SENSOR)]
+        return [_mended(r, self.gains if r.role == "fit" else sensors) for r in recordings]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -79,9 +88,13 @@ def with_whole_signals(problem: Problem, based: Callable[[Problem], AsItIs]) -> 
         if before is None:
             raise failed or InputError("diagnose: the model as it is could not be smoothed.")
         return problem, before, None
+    if before is not None and gain < _otherwise(problem, before, places):
+        return problem, before, None
     gains = dict.fromkeys(places, gain)
-    for place in places if len(places) > 1 else ():
+    for place in places:
         others = [other for other in gains if other != place]
+        if not others:
+            break
         try:
             less, without = _without(problem, others, based)
         except FAILURES:
@@ -90,6 +103,21 @@ def with_whole_signals(problem: Problem, based: Callable[[Problem], AsItIs]) -> 
         if not gains[place] > _least(problem, [place]):
             whole, there, gains = less, without, {other: gains[other] for other in others}
     return whole, there, Torn(problem=problem, before=before, gains=gains)
+
+
+def _otherwise(problem: Problem, before: AsItIs, places: Sequence[str]) -> float:
+    """Nats that a fault of these inputs would bring at most, with which nothing drops out: a pulse that acts late was meant."""
+    solution, model = before.result.solution, problem.model
+    inputs = [place for place in places if place.startswith(INPUT)]
+    if solution is None or not isinstance(model, Model) or not inputs:
+        return -math.inf
+    base, settings = Linearised(solution), replace(before.settings, seconds=ASKED)
+    offered = [c for c in library(before.problem, model, solution) if c.place in inputs and c.family == "actuator"]
+    found = screen(base, looked_at(before.problem, model, base, offered), draws=0).found
+    values = {p.name: p.value for p in before.result.parameters.values()}
+    now = worth_of(before.problem, before.result, weighed=before.settings.weigh)
+    fits = [fitted(before.problem, model, before.result, s.candidate, begun(s.candidate, s, values), settings) for s in found[:FITTED]]
+    return max((f.worth.over(now) for f in fits if f.result is not None), default=-math.inf)
 
 
 def _rows(recording: Recording, place: str) -> Mask:
@@ -148,13 +176,13 @@ def _promising(problem: Problem, before: AsItIs, places: Sequence[str]) -> bool:
 
 
 def _more(problem: Problem, one: AsItIs | None, whole: Problem, other: AsItIs) -> float:
-    """Nats by which the model is better in the second way; without end where it comes to rest only there."""
+    """Nats by which the model is better in the second way; without end where it comes to rest only there, and leaves far less over."""
     if not other.result.solver.converged:
         return -math.inf
-    if one is None or not one.result.solver.converged:
-        return math.inf
-    if one.settings.weigh is not other.settings.weigh:
-        return math.inf if other.settings.weigh else -math.inf
+    alike = one is not None and one.result.solver.converged and one.settings.weigh is other.settings.weigh
+    if one is None or not alike:
+        left = [max(left_over(p, x.result).values(), default=math.inf) for p, x in ((problem, one), (whole, other)) if x is not None]
+        return math.inf if len(left) < 2 or left[1] < LESS * left[0] else -math.inf
     now, then = (worth_of(p, x.result, weighed=x.settings.weigh) for p, x in ((problem, one), (whole, other)))
     return then.over(now)
 
@@ -171,7 +199,7 @@ def _finding(recordings: Sequence[Recording], place: str, gain: float) -> Findin
             place=place, family=family, physics=physics, parameters={"time": Strength(value=lasted, std=None, unit="s")}
         ),
         p_value=math.nan,
-        gain=gain if np.isfinite(gain) else 0.0,
+        gain=gain if np.isfinite(gain) else math.nan,
         change=f"{what} foretold by the others" if kind == INPUT else f"{what} left out",
         regime=f"in {len(spans)} stretches: {said}" if several else f"from {said}",
     )

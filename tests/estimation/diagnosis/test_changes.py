@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,13 +12,14 @@ from scipy.integrate import solve_ivp
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
 from backsight.estimation.diagnosis.answer.words import sentence
-from backsight.estimation.diagnosis.candidates.changing import changing
+from backsight.estimation.diagnosis.candidates.changing import _may, changing
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.scores.onsets import dated, late
 from backsight.estimation.diagnosis.scores.score import Linearised
 from backsight.estimation.diagnosis.scores.screen import screen
 from backsight.estimation.diagnosis.scores.supermodel import looked_at
-from backsight.models import Model
+from backsight.models import Model, compile_model
+from backsight.models.mechanics.planar import PointMass
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
 
 TRUE = {"load.m": 2.0, "spring.k": 300.0, "damper.d": 6.0}
@@ -59,7 +61,7 @@ def recorded(later: dict[str, float], seed: int, role: str = "fit", rate: float 
         def moves(t: float, s: np.ndarray, later: dict[str, float] = changed, f: float = force[k]) -> list[float]:
             share = 1.0 if rate is None else t / STEP / (N - 1) if rate == 0 else 1.0 - np.exp(-rate * t)
             p = {name: value + share * (later.get(name, value) - value) for name, value in TRUE.items()}
-            return [s[1], (f - p["spring.k"] * s[0] - p["damper.d"] * s[1]) / p["load.m"]]
+            return [s[1], (f + share * later.get("push", 0.0) - p["spring.k"] * s[0] - p["damper.d"] * s[1]) / p["load.m"]]
 
         state = solve_ivp(moves, (t[k], t[k] + STEP), state, rtol=1e-10, atol=1e-13).y[:, -1]
     x = seen + NOISE * rng.standard_normal(N)
@@ -141,8 +143,35 @@ def test_a_number_that_is_another_one_for_a_while_is_found_with_both_times(name,
 
 
 @pytest.mark.slow
+def test_what_pushes_for_a_while_is_a_force_and_no_number_that_changes():
+    d = found("push", -6.0, back=BACK)
+    (finding,) = d.findings
+    words = [e.physics for e in (finding.explanation, *finding.rivals)]
+    assert {*words} <= {"constant_force", "input_offset"}
+    assert (finding.onset, finding.until) == (pytest.approx(AT, abs=0.02), pytest.approx(BACK, abs=0.02))
+    (strength,) = finding.explanation.parameters.values()
+    assert abs(strength.value) == pytest.approx(6.0, abs=4 * strength.std)
+    assert d.after.parameters["spring.k"].value == pytest.approx(300.0, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_where_nothing_changes_nothing_is_found():
     assert found("", 0.0).verdict == "none"
+
+
+def test_what_shared_parameters_are_tells_whether_they_may_change():
+    """A constant of nature does not, whatever the model calls it."""
+    declared = PointMass().declared_parameters
+    shared = Model(
+        name="two",
+        components={"a": PointMass(), "b": PointMass()},
+        parameters={"pull": declared["g"], "each": declared["m"]},
+        bindings={"a.g": "pull", "b.g": "pull", "a.m": "each", "b.m": "each"},
+    )
+    problem = posed(run(0.2, 2e-3))
+    info = compile_model(machine()).parameters[0]
+    assert not _may(problem, shared, replace(info, name="pull"), ())
+    assert _may(problem, shared, replace(info, name="each"), ())
 
 
 def test_every_number_of_the_machine_may_change_free_or_fixed():
@@ -167,7 +196,7 @@ def test_a_change_is_scored_from_its_time_on_and_looked_at_from_times_on_alone()
     assert best.candidate.subject == ("friction.d",)
     assert best.candidate.onset == pytest.approx(0.8, abs=0.03)
     assert best.estimate == pytest.approx([60.0], rel=0.1)
-    assert [e.words for e in best.candidate.edits] == [f"friction.d + friction_d_change from {best.candidate.onset:.4g} s on"]
+    assert [e.words for e in best.candidate.edits] == [f"friction.d + friction_d_change from {best.candidate.onset:.7g} s on"]
 
 
 def test_a_change_is_named_by_what_changes_and_comes_after_physics():
@@ -185,6 +214,6 @@ def test_a_change_is_named_by_what_changes_and_comes_after_physics():
     assert (change.least, change.most) == (least, most) == (0.0, np.inf)
     assert later.edited(problem.model).changes == {name: ("carriage.m", 0.4)}
     assert whole.since(0.4, 0.7).edited(problem.model).changes == {name: ("carriage.m", 0.4, 0.7)}
-    assert (later.size, whole.since(0.4, 0.7).size, whole.slowly(0.0, 1.0).size) == (2, 3, 2)
+    assert (later.size, whole.since(0.4, 0.7).size, whole.slowly(0.0, 1.0, 1.0).size) == (2, 3, 2)
     assert later.unit(problem.model, name, {}) == "kg"
     assert whole.since(None) is None

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose
+from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
 from backsight.estimation.diagnosis.answer.words import sentence
-from backsight.estimation.diagnosis.start.dropouts import with_whole_signals
+from backsight.estimation.diagnosis.search.refit import QUICKLY
+from backsight.estimation.diagnosis.start.as_it_is import AsItIs
+from backsight.estimation.diagnosis.start.dropouts import Torn, with_whole_signals
 from backsight.models import Model
 from backsight.models.errors import InputError
 from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
@@ -42,14 +44,17 @@ def machine() -> Model:
     )
 
 
-def recorded(seed: int, *, meant: bool, friction: float = 0.0, role: str = "fit") -> Recording:
-    """A force that is held from row to row, and nothing in some rows: of what is recorded, or, where that is meant, in truth."""
+def recorded(seed: int, *, meant: bool, friction: float = 0.0, role: str = "fit", late: int = 0) -> Recording:
+    """A force that is held from row to row, and nothing in some rows: of what is recorded, or, where that is meant, in truth.
+
+    late: rows by which it acts later.
+    """
     rng, t = np.random.default_rng(seed), STEP * np.arange(N)
     force = 60.0 + 4.0 * np.sin(5.0 * t) + 3.0 * np.sin(17.0 * t)
     told = force.copy()
     for first, last in OUT if role == "fit" else ():
         told[first : last + 1] = 0.0
-    acting = told if meant else force
+    acting = np.roll(told if meant else force, late)
     A, B, *_ = cont2discrete(
         (np.array([[0.0, 1.0], [-K / M, -(D + friction) / M]]), np.array([[0.0], [1.0 / M]]), np.eye(2), np.zeros((2, 1))), STEP
     )
@@ -116,6 +121,23 @@ def test_an_output_that_reads_nothing_for_a_while_is_told_and_left_out(loss, row
 @pytest.mark.slow
 def test_a_pulse_that_was_meant_is_none():
     assert found(meant=True).verdict == "none"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("meant", "late", "torn"), [(True, 0, False), (True, 10, False), (False, 0, True), (False, 3, True)])
+def test_pulses_that_act_late_were_meant(meant, late, torn):
+    free = {"load.m": Free(1.7, min=0.1), "spring.k": Free(350.0, min=10.0), "damper.d": Free(8.0, min=0.1)}
+    problem = Problem(model=machine(), recordings=[recorded(3, meant=meant, late=late)], parameters=free)
+    _, _, found = with_whole_signals(problem, lambda posed: AsItIs(problem=posed, result=smooth(posed), settings=QUICKLY))
+    assert (found is not None) is torn
+
+
+def test_inputs_that_are_held_out_stay_as_they_are():
+    fit, unseen = recorded(3, meant=False), replace(recorded(3, meant=True), role="held_out", name="held_out")
+    problem = Problem(model=machine(), recordings=[fit])
+    mended = Torn(problem=problem, before=None, gains={"input:F": 100.0}).mended([fit, unseen])
+    assert mended[0].inputs["F"].min() > 40.0
+    assert np.array_equal(mended[1].inputs["F"], unseen.inputs["F"])
 
 
 def test_a_model_that_comes_to_rest_in_no_way_is_refused_as_ever():

@@ -39,7 +39,7 @@ def test_a_force_that_sets_in_is_dated_and_measured(at):
     found = judged("constant_force", lambda t, *_: np.array([-8.0 if t > at else 0.0]))
     assert found.candidate.onset == pytest.approx(at, abs=DURATION / 200)
     assert found.estimate == pytest.approx([8.0], rel=0.05)
-    assert found.candidate.edits[-1].words == f"constant_force_carriage.f from {found.candidate.onset:.4g} s on"
+    assert found.candidate.edits[-1].words == f"constant_force_carriage.f from {found.candidate.onset:.7g} s on"
 
 
 def test_what_sets_in_keeps_its_twin():

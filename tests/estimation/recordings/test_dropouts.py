@@ -29,6 +29,17 @@ def test_a_mean_over_the_ends_of_a_dropout_is_a_part_of_it():
     assert rows.sum() == 16
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 0.05])
+@pytest.mark.parametrize("w", [1.0, 2.0, 5.0, 17.0])
+def test_a_smooth_signal_that_reads_nothing_for_a_while_drops_out_wherever_it_is(w, noise):
+    found = 0
+    for first in range(100, 900, 50):
+        u = 10.0 + 4.0 * np.sin(w * T) + noise * np.random.default_rng(first).standard_normal(N)
+        u[first : first + 12] = 0.0
+        found += stretches(dropped_out(u)) == [(first - 1, first + 12)]
+    assert found >= 12  # where it turns quickly next to one, that may be a part of it
+
+
 @pytest.mark.parametrize(
     "u",
     [
@@ -67,8 +78,8 @@ def test_samples_that_read_one_value_are_blank_and_single_ones_far_off():
 
 def test_samples_that_stay_until_the_signal_is_elsewhere_at_once_are_blank():
     y = np.round(np.sin(3.0 * T), 4)
-    y[100:130] = y[100]
-    assert {*np.flatnonzero(blank(T, y))} == {*range(101, 130)}
+    y[100:130], y[700:712] = y[100], -0.5
+    assert {*np.flatnonzero(blank(T, y))} == {*range(101, 130), *range(700, 712)}
 
 
 def test_a_machine_at_rest_that_breaks_away_is_none():
