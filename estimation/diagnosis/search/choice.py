@@ -68,7 +68,8 @@ def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
         if s not in best and s.gain >= WORTH_ELSEWHERE * most and places[there := _balance(s, sizes)] < EACH and len(best) < MOST:
             best.append(s)
             places[there] += 1
-    best += [s for s in sorted(worth, key=lambda s: -s.worth)[:SURELY] if s not in best]
+    lasting = [s for s in worth if s.candidate.until is None]  # of what ends too few parts tell how much its score varies
+    best += [s for s in sorted(lasting, key=lambda s: -s.worth)[:SURELY] if s not in best]
     best += _late_elsewhere(best, found, most)
     for s in tuple(best):
         simple = simplest_beside(s, likely)
