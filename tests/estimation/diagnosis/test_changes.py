@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from concealed_axis import posed, run
 from scipy.integrate import solve_ivp
+from sprung_mass import machine
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
 from backsight.estimation.diagnosis.answer.words import sentence
@@ -20,34 +21,9 @@ from backsight.estimation.diagnosis.scores.screen import screen
 from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.models import Model, compile_model
 from backsight.models.mechanics.planar import PointMass
-from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
 
 TRUE = {"load.m": 2.0, "spring.k": 300.0, "damper.d": 6.0}
 STEP, N, AT, BACK, NOISE = 4e-3, 1500, 2.5, 4.2, 2e-6
-
-
-def machine() -> Model:
-    return Model(
-        name="machine",
-        components={
-            "load": Mass(),
-            "spring": Spring(k=1.0),
-            "damper": Damper(),
-            "wall": Fixed(),
-            "motor": Force(),
-            "scale": PositionSensor(),
-        },
-        connections=[
-            ("motor.flange", "load.flange"),
-            ("spring.flange_a", "load.flange"),
-            ("damper.flange_a", "load.flange"),
-            ("spring.flange_b", "wall.flange"),
-            ("damper.flange_b", "wall.flange"),
-            ("scale.flange", "load.flange"),
-        ],
-        inputs={"F": "motor.f"},
-        outputs={"x": "scale.s"},
-    )
 
 
 def recorded(later: dict[str, float], seed: int, role: str = "fit", rate: float | None = None, back: float = np.inf) -> Recording:

@@ -8,40 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete
+from sprung_mass import machine
 
 from backsight.estimation import Diagnosis, Free, Problem, Recording, diagnose, smooth
 from backsight.estimation.diagnosis.answer.words import sentence
 from backsight.estimation.diagnosis.search.refit import QUICKLY
 from backsight.estimation.diagnosis.start.as_it_is import AsItIs
 from backsight.estimation.diagnosis.start.dropouts import Torn, with_whole_signals
-from backsight.models import Model
 from backsight.models.errors import InputError
-from backsight.models.mechanics.translational import Damper, Fixed, Force, Mass, PositionSensor, Spring
 
 M, K, D, STEP, N, NOISE = 2.0, 300.0, 6.0, 4e-3, 1500, 2e-6
 OUT = ((300, 318), (900, 911))  # rows
-
-
-def machine() -> Model:
-    return Model(
-        name="machine",
-        components={
-            "load": Mass(),
-            "spring": Spring(k=1.0),
-            "damper": Damper(),
-            "wall": Fixed(),
-            "motor": Force(),
-            "scale": PositionSensor(),
-        },
-        connections=[
-            ("motor.flange", "load.flange"),
-            *((f"{part}.flange_a", "load.flange") for part in ("spring", "damper")),
-            *((f"{part}.flange_b", "wall.flange") for part in ("spring", "damper")),
-            ("scale.flange", "load.flange"),
-        ],
-        inputs={"F": "motor.f"},
-        outputs={"x": "scale.s"},
-    )
 
 
 def recorded(seed: int, *, meant: bool, friction: float = 0.0, role: str = "fit", late: int = 0) -> Recording:
