@@ -157,7 +157,7 @@ def diagnose(
         else:
             notes.append(CONTRADICTED)
             verdict = verdict if verdict == "unknown_physics" else "undecided"
-    elif held_out is not None and held_out.improvement_percent < 0 and search.most_left > NAMELESS and verdict != "unknown_physics":
+    elif held_out is not None and proving and held_out.doubtful and search.most_left > NAMELESS and verdict != "unknown_physics":
         notes.append(UNPROVED)
         verdict = "undecided"
     if verdict == "none" and not first.solver.converged:

@@ -21,6 +21,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 EVERYWHERE = "whole record"  # the regime of what acts wherever the machine moves
 FEWEST = 3  # blocks that can refute a repair
 REFUTED = 0.1  # chance that windows are predicted as much worse, or worse still, by a model that is as good
+DOUBTED = 0.1  # chance that windows are predicted as much better, or better still, by a model that is no better
 
 Key = tuple[str, ...]  # place, physics, the parameters that are wrong, and whether they change
 CHANGES = "from some time on"
@@ -190,6 +191,11 @@ class HeldOut:
     def refuting(self) -> bool:
         """Whether the repaired model predicts worse, beyond what chance would do."""
         return self.improvement_percent < 0 and self.blocks >= FEWEST and self.p_value > 1.0 - REFUTED
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether chance alone might have the repaired model predict as much better, as far as there are blocks that tell."""
+        return self.improvement_percent < 0 or (self.blocks >= FEWEST and self.p_value > DOUBTED)
 
 
 @dataclass(frozen=True, kw_only=True)

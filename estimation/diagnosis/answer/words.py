@@ -9,7 +9,10 @@ from ...wording import listed, measured, probability
 from .verdict import EVERYWHERE, TOO_SMALL, Diagnosis, Explanation, Finding, HeldOut, Strength, Tried
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
-UNPROVED = "What was held out is predicted no better with the repair, and much is left over beside it: it may stand for something else."
+UNPROVED = (
+    "What was held out is predicted no better with the repair than chance would have it, and much is left over beside it: it may stand for "
+    "something else."
+)
 KINDS = {
     "parameter": "A given value is wrong:",
     "sensor": "A sensor does not read what the model supposes:",
