@@ -35,12 +35,12 @@ from .search.fits import Fits, Progress
 from .search.keep import Keep
 from .search.left_over import NAMELESS
 from .search.refit import FAILURES, known_of
-from .search.runaway import free_again, with_inertias_near
+from .search.runaway import free_again, wild, with_all_near, with_inertias_near
 from .search.search import Search
 from .search.standing import Standing
-from .start.as_it_is import AsItIs, as_it_is
+from .start.as_it_is import AsItIs, RanAway, as_it_is
 from .start.delays import without_delays
-from .start.dropouts import with_whole_signals
+from .start.dropouts import Torn, with_whole_signals
 from .start.hold import with_better_hold
 from .start.noise_shown import with_noise_as_shown, with_noise_at_least
 from .start.sizes_known import with_sizes_known
@@ -79,10 +79,10 @@ def diagnose(
     with workers(jobs, scheduler) as pool:
         steadied = with_offsets(with_heading(posed, problem.model))
 
-        def based(other: Problem, *, asking: bool = False) -> AsItIs:
-            return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking)
+        def based(other: Problem, *, asking: bool = False, running: bool = True) -> AsItIs:
+            return as_it_is(other, Keep(keep, other), say, end - (1.0 - OF_BASE) * seconds, asking=asking, running=running)
 
-        steadied, as_said, torn = with_whole_signals(steadied, partial(based, asking=True))
+        steadied, as_said, torn, ran = _begun(steadied, based)
         if torn is not None:
             recordings = torn.mended(recordings)
             posed = replace(posed, recordings=[r for r in recordings if r.role == "fit"])
@@ -92,6 +92,7 @@ def diagnose(
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
+        large = large or ran
         if loud:  # what passed for noise may have had inertias stand for it
             steadied, as_said, larger = _held(with_inertias_near, steadied, as_said, based)
             large = " ".join(said for said in (large, larger) if said)
@@ -160,7 +161,7 @@ def diagnose(
     elif held_out is not None and proving and held_out.doubtful and search.most_left > NAMELESS and verdict != "unknown_physics":
         notes.append(UNPROVED)
         verdict = "undecided"
-    if verdict == "none" and not first.solver.converged:
+    if verdict == "none" and (not first.solver.converged or wild(posed, first)):
         verdict = "undecided"
     if verdict in ("unknown_physics", "undecided") or any(f.onset is not None or f.explanation.changes for f in search.standing.findings):
         notes += clocks_notes(posed.recordings)
@@ -185,6 +186,20 @@ def diagnose(
         seed=seed,
         notes=(*notes, *search.notes),
     )
+
+
+def _begun(problem: Problem, based: Callable[..., AsItIs]) -> tuple[Problem, AsItIs, Torn | None, str]:
+    """The model as it is with whole signals, and a note where it only comes to rest with its inertias near their guesses."""
+    try:
+        return (*with_whole_signals(problem, partial(based, asking=True, running=False)), "")
+    except RanAway:
+        near, said = with_all_near(problem)
+    try:
+        if said:
+            return (*with_whole_signals(near, partial(based, asking=True)), said)
+    except InputError:
+        pass
+    return (*with_whole_signals(problem, partial(based, asking=True)), "")
 
 
 def _held(

@@ -4,7 +4,8 @@ Where a controller holds the motion, inputs answer what the model lacks, and the
 larger inertia explains that better than any force does, the larger the better. Scores beside such a model tell nothing, and fits that begin
 there end there, or at nothing where numbers give out. So it is looked at with these inertias near their guesses: scores are those beside
 that model, and fits begin there. What is likely is fitted with the inertias as free as the study has them, and held against the model that
-is as free. Where every one of these fits has one that runs away, for more than that is missing, models are compared with them near their
+is as free. So it is where a model comes to no rest at all since one grows without end: a joint without its friction, which hardly moves.
+Where every one of these fits has one that runs away, for more than that is missing, models are compared with them near their
 guesses, until something is found beside which they stay where they are when they are free.
 
 Noise in the equation of a motion makes an inertia too large as noise in a regressor makes a slope too small: M a = F + r, of which the
@@ -33,11 +34,18 @@ from ...wording import listed
 from ..scores.shares import left_over
 
 FAR = 2.0  # times its guess, or a part of it
+WILD = 100.0  # times its guess: no machine that somebody guessed has so much
 MOST, ALL = 0.5, 0.5  # of an inertia: its excess; of the forces: left over
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
     "With nothing put right {said}. What is missing was looked for with no less than half and no more than twice the guess, and fitted "
     "with what the study has. A better guess makes that surer."
+)
+
+
+WILDLY = (
+    "With nothing put right the model does not come to rest: its inertias grow without end. What is missing was looked for with no less "
+    "than half and no more than twice the guess of {names}, and fitted with what the study has. A better guess makes that surer."
 )
 
 
@@ -60,17 +68,49 @@ def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str
         p, free = result.parameters.get(name), problem.parameters.get(name)
         if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or not isinstance(free, Free):
             continue
-        low, high = max(free.min, given.guess / FAR), min(free.max, given.guess * FAR)
-        if free.drift is not None or not low < high or (low, high) == (free.min, free.max):
+        if (there := _near(given, free)) is None:
             continue
-        lost, far = p.identifiable is False, p.value > high
+        lost, far = p.identifiable is False, p.value > there.max
         if not ((far and (lost or _excess(solution, result, name) > MOST)) or (lost and _does_nothing(problem, result, solution, name))):
             continue
-        near[name] = Near(float(np.clip(free.guess, low, high)), low, high, free.std, None, free.per_recording, given=free)
+        near[name] = there
         said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")
     if not said:
         return problem, ""
     return replace(problem, parameters={**problem.parameters, **near}), NOTE.format(said=listed(said))
+
+
+def wild(problem: Problem, result: Smoothing) -> bool:
+    """Whether an inertia has left all bounds of reason in a smoothing that did not come to rest, or does not tell it.
+
+    As the solver left it: of a machine that never moved none at all says as much.
+    """
+    if noisy_inputs(problem) or (solution := result.solution) is None:
+        return False
+    ended = {p.name: float(value) for p, value in zip(solution.transcription.dae.parameters, solution.parameters, strict=True)}
+    for name, free in problem.parameters.items():
+        p = result.parameters.get(name)
+        if not isinstance(free, Free) or p is None or p.unit not in INERTIAS or not ended.get(name, 0.0) > WILD * free.guess:
+            continue
+        if not result.solver.converged or p.identifiable is False:
+            return True
+    return False
+
+
+def with_all_near(problem: Problem) -> tuple[Problem, str]:
+    """The problem with all its inertias near their guesses, and a note; the problem itself and none where they are so already."""
+    units = {p.name: p.unit for p in problem.dae.parameters}
+    free = {name: free for name, free in problem.parameters.items() if isinstance(free, Free) and units.get(name) in INERTIAS}
+    near = {name: there for name, given in free.items() if (there := _near(given, given))}
+    return replace(problem, parameters={**problem.parameters, **near}), WILDLY.format(names=listed(sorted(near))) if near else ""
+
+
+def _near(given: Free, free: Free) -> Near | None:
+    """As free as it is in a problem, but near its guess in the study; None where it is so already, or drifts."""
+    low, high = max(free.min, given.guess / FAR), min(free.max, given.guess * FAR)
+    if free.drift is not None or not low < high or (low, high) == (free.min, free.max):
+        return None
+    return Near(float(np.clip(free.guess, low, high)), low, high, free.std, None, free.per_recording, given=free)
 
 
 def free_again(problem: Problem) -> Problem:

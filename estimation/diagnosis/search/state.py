@@ -15,7 +15,7 @@ from ..scores.shares import Sizes, left_over
 from .elimination import Bare
 from .fits import Base, Fits
 from .refit import HELD, QUICKLY, settled, worth_of
-from .runaway import Near, free_again, with_inertias_near
+from .runaway import Near, free_again, wild, with_inertias_near
 from .standing import Standing
 
 
@@ -83,7 +83,7 @@ class State:
 
     def near_enough(self, problem: Problem, result: Smoothing) -> bool:
         """Whether no inertia of the study has run away in a result of a problem."""
-        return not with_inertias_near(problem, result, free_again(self.bare.problem).parameters)[1]
+        return not (wild(problem, result) or with_inertias_near(problem, result, free_again(self.bare.problem).parameters)[1])
 
     def free(self) -> None:
         """Inertias that were near their guesses are so no longer, in no model that may come."""

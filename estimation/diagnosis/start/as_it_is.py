@@ -20,6 +20,7 @@ from ..scores.shares import left_over
 from ..search.fits import Progress
 from ..search.keep import Keep
 from ..search.refit import FAILURES, HELD, PATIENT, QUICKLY, beyond_all_bounds, comparable
+from ..search.runaway import wild
 from .misread import Reading, idle, lost, misread
 
 BASE = 400.0  # s, of the model as it is with weights from the data; no healthy one takes as long
@@ -27,6 +28,10 @@ MISREAD, READINGS = 15.0, 90.0  # s, of the model as it is with columns read in 
 SHORTER = 250.0  # s, of the same beside what held weights have left
 ROUGHLY = replace(PATIENT, tolerance=0.1)  # deviations: what all else is found beside need not be more exact
 AT_LEAST = 60.0  # s, that each way to it has all the same
+
+
+class RanAway(InputError):
+    """A model that came to no rest since an inertia grew without end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +43,7 @@ class AsItIs:
     settings: Settings
 
 
-def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf, *, asking: bool = False) -> AsItIs:
+def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf, *, asking: bool = False, running: bool = True) -> AsItIs:
     """The model as it is, and how candidates are fitted beside it.
 
     What no output shows can be anything, at a price, as long as weights come from the data and the model is wrong: they would wander with
@@ -48,6 +53,7 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
     rest from there either, where the held ones were left. A model that does not come to rest in any way is taken as it was left with held
     ones: what it lacks may be what keeps it from that.
     end: on the clock of `time.time`, by which it should be there. asking: whether one that explains nothing has its columns doubted.
+    running: whether one of which an inertia grows without end is waited for: RanAway is raised where it is not.
     """
 
     def smoothed(what: str, way: Settings, begin: Smoothing | None = None, posed: Problem = problem) -> Smoothing | None:
@@ -77,6 +83,8 @@ def as_it_is(problem: Problem, kept: Keep, say: Progress, end: float = math.inf,
         if near is None or not comparable(problem, near):
             raise
         found = None
+    if not running and found is not None and wild(problem, found):
+        raise RanAway(f"diagnose: the model as it is could not be smoothed ({found.solver.status.rstrip('.')}); give better guesses.")
     if asking and found is not None and (lost(found) or idle(found)) and (said := _misread(problem, found, kept, say, end)):
         raise InputError(f"diagnose: {EXPLAINS_NOTHING} of what was recorded. It explains more if {said}.")
     if found is not None and not found.solver.converged and comparable(problem, found):

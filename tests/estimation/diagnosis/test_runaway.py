@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from concealed_axis import posed, run
 
-from backsight.estimation import Free, Problem, Weights, smooth
+from backsight.estimation import Free, Problem, Recording, Weights, smooth
 from backsight.estimation.diagnosis import diagnose
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.scores.score import Linearised
@@ -19,7 +19,8 @@ from backsight.estimation.diagnosis.scores.supermodel import looked_at
 from backsight.estimation.diagnosis.search.fits import Base, Fits
 from backsight.estimation.diagnosis.search.keep import Keep
 from backsight.estimation.diagnosis.search.refit import QUICKLY
-from backsight.estimation.diagnosis.search.runaway import free_again, unheld, with_inertias_near
+from backsight.estimation.diagnosis.search.runaway import free_again, unheld, wild, with_all_near, with_inertias_near
+from backsight.estimation.diagnosis.start.as_it_is import RanAway, as_it_is
 from backsight.models.mechanics.translational import Mass
 from backsight.models.plants import actuator
 
@@ -175,3 +176,36 @@ def test_a_fit_near_the_guess_is_not_the_one_that_was_kept_of_a_free_mass(tmp_pa
         free, held = (fits.candidates(one, [(friction, None)])[0][2] for one in (base, near))
     assert free.result.parameters["carriage.m"].value == pytest.approx(MASS, rel=0.01)
     assert held.result.parameters["carriage.m"].value == pytest.approx(60.0)
+
+
+def stuck() -> Problem:
+    """A carriage that whatever holds it does not let go, by up to 17 N: its encoder reads noise."""
+    t = np.arange(0.0, 4.0, STEP)
+    F = 12 * np.sin(2 * np.pi * 0.7 * t) + 5 * np.sin(2 * np.pi * 2.3 * t + 1)
+    x = np.random.default_rng(3).normal(0.0, 2e-6, len(t))
+    log = Recording(name="axis", time=t, inputs={"F": F}, outputs={"x": x}, output_std={"x": 2e-6})
+    free = {"carriage.m": Free(90.0), "friction.d": Free(190.0, min=0.0), "friction.f_c": 0.0, "offset.f": 0.0}
+    return Problem(model=actuator(), recordings=[log], parameters=free)
+
+
+def test_a_mass_that_grows_without_end_is_given_up_and_held_near_its_guess():
+    problem = stuck()
+    with pytest.raises(RanAway, match="could not be smoothed"):
+        as_it_is(problem, Keep(None, problem), lambda _: None, running=False)
+    near, said = with_all_near(problem)
+    mass = near.parameters["carriage.m"]
+    assert (mass.min, mass.max) == (45.0, 180.0)
+    assert near.parameters["friction.d"] == problem.parameters["friction.d"]
+    assert "grow without end" in said
+    assert "carriage.m" in said
+    found = as_it_is(near, Keep(None, near), lambda _: None, running=False)
+    assert found.result.solver.converged
+    assert not wild(near, found.result)
+    assert with_all_near(near) == (near, "")
+
+
+@pytest.mark.slow
+def test_of_a_machine_that_never_moves_nobody_says_that_nothing_is_missing():
+    found = diagnose(stuck(), seconds=30.0)
+    assert found.verdict in ("undecided", "unknown_physics")
+    assert any("grow without end" in note for note in found.notes)
