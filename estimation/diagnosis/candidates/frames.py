@@ -62,7 +62,7 @@ def of_frames(model: Model, values: Mapping[str, float]) -> list[Candidate]:
         if isinstance(component, planar.RigidBody):
             found += _beside(name, component, values)
         if isinstance(component, planar.Body) and _swings(model, f"{name}.frame"):
-            found += _dragged(model, name, values)
+            found += _dragged(model, name, values) + _blown(model, name, values)
         if isinstance(component, spatial.RigidBody):
             found += _rigid_body(model, name, values)
     return found + [c for group in _propellers(model) for c in _rotors(model, group, values)]
@@ -111,9 +111,32 @@ def _beside(link: str, component: planar.RigidBody, values: Mapping[str, float])
     ]
 
 
+def _centre(model: Model, body: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The centre of mass of a body in its frame [m]."""
+    return {word: values.get(own_name(model, f"{body}.{word}"), model.components[body].parameters[word]) for word in ("x_c", "y_c")}
+
+
+def _blown(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:
+    """A constant force at the centre of mass of a body that swings at what moves itself, along either axis of the world, or a torque."""
+    centre = _centre(model, body, values)
+    return [
+        Candidate(
+            place=body,
+            family="external",
+            physics="constant_force",
+            edits=(Insert(place=body, component=planar.ConstantWorldForce(**centre), name=name),),
+            strengths=(f"{name}.{word}",),
+            named={word: f"{name}.{word}"},
+            rounded={f"{name}.{at}": (own_name(model, f"{body}.{at}"), 1.0) for at in centre} if word in FORCES else {},
+        )
+        for word in ("f_x", "f_y", "tau")
+        if (name := free_name(model, f"constant_{word}_{body}"))
+    ]
+
+
 def _dragged(model: Model, body: str, values: Mapping[str, float]) -> list[Candidate]:
     """Drag at the centre of mass of a body that swings at what moves itself: behind one joint alone, or slides, it is drag at these."""
-    centre = {word: values.get(own_name(model, f"{body}.{word}"), model.components[body].parameters[word]) for word in ("x_c", "y_c")}
+    centre = _centre(model, body, values)
     kinds: tuple[tuple[str, str, planar.Drag], ...] = (
         ("linear_drag", "d", planar.LinearDrag(**centre)),
         ("quadratic_drag", "c", planar.QuadraticDrag(**centre)),

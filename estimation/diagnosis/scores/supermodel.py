@@ -118,18 +118,19 @@ def _together(problem: Problem, model: Model, base: Linearised, candidates: list
             return None
         return dae if [q.name for q in dae.states] == own and soft <= {place.name for place in dae.places} else None
 
-    def by_halves(some: list[Candidate]) -> list[Candidate]:
-        """Of those that cannot all be there the ones that can."""
+    def with_those_of_them(there: list[Candidate], some: list[Candidate]) -> list[Candidate]:
+        """What is there, with those of some others that can be there together; by halves, for most of them can."""
+        if not some or compiled([*there, *some]) is not None:
+            return [*there, *some]
         half = len(some) // 2
-        parts = (some[:half], some[half:]) if half else ()
-        return [c for part in parts for c in (part if compiled(part) is not None else by_halves(part))]
+        return with_those_of_them(with_those_of_them(there, some[:half]), some[half:]) if half else there
 
     dae, usable = compiled(candidates), candidates
     if dae is None:  # what only comes in leaves the rest of a model as it is
         usable = [c for c in candidates if all(isinstance(edit, Insert) for edit in c.edits) or compiled([c]) is not None]
         dae = compiled(usable)
     if dae is None:
-        usable = by_halves(usable)
+        usable = with_those_of_them([], usable)
         dae = compiled(usable)
     return (dae, usable) if dae is not None else (t.dae, [])
 

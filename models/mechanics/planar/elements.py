@@ -95,20 +95,23 @@ class WorldTorque(Component):
 
 
 class ConstantWorldForce(Component):
-    """A constant force and torque on a frame, in the axes of the world.   frame.f = -f,  frame.tau = -tau
+    """A constant force at a point of a body, in the axes of the world, and a torque.   frame.f = -f,  frame.tau = -tau - r x f
 
     Connectors: frame
-    Parameters: f_x, f_y [N] force, tau [N.m] torque, 0 by default (absent)
+    Parameters: f_x, f_y [N] force, tau [N.m] torque, 0 by default (absent); x_c, y_c [m] the point in the frame, 0 by default
     """
 
     frame = Frame()
-    f_x = Parameter("N", 0.0, description="force along x on the frame")
-    f_y = Parameter("N", 0.0, description="force along y on the frame")
-    tau = Parameter("N.m", 0.0, description="torque on the frame")
+    f_x = Parameter("N", 0.0, description="force along x")
+    f_y = Parameter("N", 0.0, description="force along y")
+    tau = Parameter("N.m", 0.0, description="torque")
+    x_c = Parameter("m", 0.0, description="the point in the frame")
+    y_c = Parameter("m", 0.0, description="the point in the frame")
 
     def equations(self, c: Any) -> dict[str, Equation]:
+        r_x, r_y = turned(c.x_c, c.y_c, c.frame.phi)
         return {
             "force x": law(-c.frame.f_x, c.f_x, place="x", unit="N"),
             "force y": law(-c.frame.f_y, c.f_y, place="y", unit="N"),
-            "torque": law(-c.frame.tau, c.tau, place="phi", unit="N.m"),
+            "torque": law(-c.frame.tau + r_x * c.frame.f_y - r_y * c.frame.f_x, c.tau, place="phi", unit="N.m"),
         }

@@ -158,6 +158,26 @@ def geared_cart() -> Model:
     )  # fmt: skip
 
 
+def test_of_two_that_cannot_both_be_there_one_is_looked_at_and_so_are_all_others(axis):
+    problem, base, candidates, looks = axis
+    spring = next(c for c in candidates if c.physics == "spring")
+    (insert,) = spring.edits
+    (path,) = spring.strengths
+    twin = replace(
+        spring,
+        physics="twin",
+        edits=(replace(insert, component=translational.Damper()),),
+        strengths=(f"{insert.name}.d",),
+        shapes={},
+        start={},
+    )
+    assert path.startswith(insert.name)
+    together = looked_at(problem, problem.model, base, [*candidates, twin])
+    assert of(together, "spring")
+    assert not of(together, "twin")
+    assert {look.candidate.physics for look in together} == {look.candidate.physics for look in looks}
+
+
 def test_a_candidate_with_which_a_force_stands_elsewhere_is_left_out_and_the_others_are_not():
     rng = np.random.default_rng(1)
     tau, time = np.repeat(rng.uniform(-0.02, 0.02, 20), 10), 0.01 * np.arange(200)

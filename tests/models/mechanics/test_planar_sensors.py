@@ -88,3 +88,17 @@ def test_forces_on_a_free_body_accelerate_it_along_the_axes_of_the_world() -> No
     assert r.states["body.v_x"][1] == pytest.approx((3.0 + 1.0) / 2.0)
     assert r.states["body.v_y"][1] == pytest.approx(-4.0 / 2.0)
     assert r.states["body.omega"][1] == pytest.approx(0.2 / 0.5)
+
+
+def test_a_constant_force_at_a_point_turns_the_body_about_its_centre_by_its_lever() -> None:
+    wind = ConstantWorldForce(f_x=1.5, f_y=-0.5, x_c=0.2, y_c=0.1)
+    model = Model(
+        name="blown", components={"world": World(), "body": Body(m=2.0, I=0.5), "wind": wind}, connections=[("wind.frame", "body.frame")]
+    )
+    t, phi_0 = 1e-3, 0.3
+    r = simulate(compile_model(model), [0.0, t], {}, initial={"body.phi": phi_0})
+    cos, sin = np.cos(phi_0), np.sin(phi_0)
+    lever = (0.2 * cos - 0.1 * sin) * -0.5 - (0.2 * sin + 0.1 * cos) * 1.5
+    assert r.states["body.omega"][1] == pytest.approx(lever / 0.5 * t, rel=1e-5)
+    assert r.states["body.v_x"][1] == pytest.approx(1.5 / 2.0 * t)
+    assert r.states["body.v_y"][1] == pytest.approx(-0.5 / 2.0 * t)
