@@ -1,6 +1,6 @@
 """The library: what may be missing, at which place, as an edit of the model.
 
-candidate.py                            an edit, its strengths and shapes
+edits.py, candidate.py                  edits of a model; one of them, its strengths and shapes
 places.py                               where a model can be edited
 laws.py, loads.py, presliding.py        friction, springs, drag, waves of bodies and elements
 frames.py, couplings.py, channels.py    bodies in a plane or in space; compliance and play; inputs and sensors

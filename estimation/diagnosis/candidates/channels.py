@@ -17,7 +17,8 @@ from backsight.models.language import Component
 from backsight.models.model import Output
 from backsight.models.signals import DeadZone, Delay, Drift, Gain, Lag, Offset, PeriodicError, Rotation, Saturation, Sum
 
-from .candidate import Alike, Candidate, Insert, Rebuild, Signal
+from .candidate import Candidate, Signal
+from .edits import Alike, Insert, Rebuild
 from .places import free_name
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

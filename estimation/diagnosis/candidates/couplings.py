@@ -19,7 +19,8 @@ from backsight.models.language import Component
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
-from .candidate import Candidate, Exchange, Rebuild
+from .candidate import Candidate
+from .edits import Exchange, Rebuild
 from .laws import Motion
 from .places import RIGID, Spot, free_name, grounds, neighbours, node, own_name, sensors
 

@@ -16,7 +16,8 @@ from backsight.models.mechanics.spatial.rotation import Vector, velocities
 from ...problem import Known, Problem
 from ...supposed import left_out
 from ..evidence.offsets import PREFIX
-from .candidate import Alike, Candidate, Exchange, Insert
+from .candidate import Candidate
+from .edits import Alike, Exchange, Insert
 from .places import free_name, grounds, neighbours, node, own_name
 
 WIDEST = 3.0  # times the drag across, at most, that a body has along z

@@ -18,7 +18,8 @@ from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
 from ...smoothing.rest import ROUNDING, VELOCITY_UNITS
-from .candidate import Candidate, Insert
+from .candidate import Candidate
+from .edits import Insert
 from .places import RIGID, Spot, at_hand, free_name, lent, own_name, side_by_side
 
 FINEST = 60.0  # periods in the span of the positions up to which all are looked at

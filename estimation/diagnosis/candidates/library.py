@@ -22,9 +22,10 @@ from ...smoothing.along import along, times_within
 from ...smoothing.begun import followed_by
 from ...smoothing.rest import friction_laws, rounding
 from ...smoothing.unseen import moving_unseen
-from .candidate import Candidate, Exchange, Rebuild
+from .candidate import Candidate
 from .channels import OFF_CENTRE, of_alike, of_input, of_sensor
 from .couplings import Behind, of_coupling, of_ideal, of_soft
+from .edits import Exchange, Rebuild
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, between, of_law
 from .loads import of_loads

@@ -15,7 +15,8 @@ from backsight.models.language import Signal, SignalInput, Variable
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
-from .candidate import Candidate, Insert
+from .candidate import Candidate
+from .edits import Insert
 from .laws import Motion, flange_of, rounded
 from .places import RIGID, Spot, free_name, grounded, neighbours
 

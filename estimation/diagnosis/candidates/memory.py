@@ -13,7 +13,8 @@ from backsight.models.signals import Delay, Lag
 
 from ...problem import Known, Problem
 from ...recordings.outliers import screened
-from .candidate import Alike, Candidate, Insert
+from .candidate import Candidate
+from .edits import Alike, Insert
 
 FASTER = 3.0  # times a state: the next one, its derivative in units of the delay (the poles of a delay of 1 s are at 4 rad/s)
 

@@ -24,7 +24,8 @@ from backsight.models import Model
 from backsight.models.mechanics import rotational as turning
 from backsight.models.mechanics import translational as sliding
 
-from .candidate import Candidate, Insert, Signal
+from .candidate import Candidate, Signal
+from .edits import Insert
 from .laws import Motion, flange_of
 from .places import RATES, Spot, at_hand, free_name, lent, own_name
 

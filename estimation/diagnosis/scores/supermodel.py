@@ -24,7 +24,8 @@ from backsight.ocp import Horizon, Solution
 from ...problem import Problem
 from ...smoothing.along import along
 from ...smoothing.begun import followed_by
-from ..candidates.candidate import Candidate, Insert, Signal
+from ..candidates.candidate import Candidate, Signal
+from ..candidates.edits import Insert
 from ..evidence.offsets import with_those_of
 from .enlarged import Enlarged
 from .score import Columns, Linearised

@@ -12,7 +12,8 @@ import numpy as np
 
 from ...results import Smoothing
 from ..answer.verdict import Explanation, Strength
-from ..candidates.candidate import Candidate, Change
+from ..candidates.candidate import Candidate
+from ..candidates.edits import Change
 from ..candidates.laws import FASTEST, SLOWEST
 from ..evidence.density_ratio import more_probable_alike, more_probable_at
 from ..evidence.offsets import PREFIX, counted_out

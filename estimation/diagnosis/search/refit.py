@@ -32,7 +32,8 @@ from ...smoothing.rest import friction_laws, other_widths
 from ...smoothing.smoother import smoothing
 from ...smoothing.unseen import moving_unseen
 from ...supposed import left_out
-from ..candidates.candidate import Candidate, Change
+from ..candidates.candidate import Candidate
+from ..candidates.edits import Change
 from ..candidates.memory import remembered
 from ..evidence.held import rescaled
 from ..evidence.latent import held_there, without_force

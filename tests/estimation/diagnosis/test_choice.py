@@ -13,7 +13,8 @@ from screened import screened
 
 from backsight.estimation import smooth
 from backsight.estimation.diagnosis.answer.verdict import Explanation, Strength
-from backsight.estimation.diagnosis.candidates.candidate import Candidate, Insert, Rebuild, Signal, Since
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal
+from backsight.estimation.diagnosis.candidates.edits import Insert, Rebuild, Since
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.candidates.places import bodies
 from backsight.estimation.diagnosis.scores.chance import Chance

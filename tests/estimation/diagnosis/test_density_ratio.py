@@ -10,7 +10,8 @@ import pytest
 from concealed_axis import posed, run
 
 from backsight.estimation import Free, Problem, smooth
-from backsight.estimation.diagnosis.candidates.candidate import Candidate, Rebuild
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.edits import Rebuild
 from backsight.estimation.diagnosis.evidence.density_ratio import more_probable_alike, more_probable_at
 from backsight.estimation.diagnosis.search.choice import idle
 from backsight.models.language import Parameter

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from backsight.estimation import Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.candidates.candidate import Candidate, Exchange, Insert
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.couplings import of_ideal, of_soft
+from backsight.estimation.diagnosis.candidates.edits import Exchange, Insert
 from backsight.estimation.diagnosis.candidates.laws import Motion
 from backsight.estimation.diagnosis.candidates.places import elements
 from backsight.estimation.diagnosis.search.elimination import Bare

@@ -10,7 +10,8 @@ from concealed_axis import posed, run, smoothed
 from neutral import Point
 
 from backsight.estimation import Free, smooth
-from backsight.estimation.diagnosis.candidates.candidate import Candidate, Insert
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.edits import Insert
 from backsight.estimation.diagnosis.candidates.library import _kinematic, _said, _tilting, _uneven, library
 from backsight.estimation.diagnosis.search.choice import plainness
 from backsight.models import Model, Parameter, compile_model

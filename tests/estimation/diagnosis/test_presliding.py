@@ -10,7 +10,7 @@ from examples import oscillator
 from scipy.integrate import solve_ivp
 
 from backsight.estimation import Free, Problem, Recording, diagnose
-from backsight.estimation.diagnosis.candidates.candidate import Insert
+from backsight.estimation.diagnosis.candidates.edits import Insert
 from backsight.estimation.diagnosis.candidates.laws import Motion
 from backsight.estimation.diagnosis.candidates.places import bodies
 from backsight.estimation.diagnosis.candidates.presliding import bristles, of_presliding

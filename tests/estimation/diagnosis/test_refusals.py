@@ -11,8 +11,9 @@ from concealed_axis import posed, run
 from screened import screened
 
 from backsight.estimation import Free, Recording, Smoothing, Weights, smooth
-from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal, Since
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal
 from backsight.estimation.diagnosis.candidates.channels import of_sensor
+from backsight.estimation.diagnosis.candidates.edits import Since
 from backsight.estimation.diagnosis.candidates.laws import AGAINST_GROUND, Motion, of_law
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.candidates.places import bodies

@@ -9,7 +9,8 @@ import pytest
 from concealed_axis import smoothed
 
 from backsight.estimation import Free, Problem, Recording, smooth
-from backsight.estimation.diagnosis.candidates.candidate import Candidate, Exchange, Signal
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Signal
+from backsight.estimation.diagnosis.candidates.edits import Exchange
 from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.scores.enlarged import Enlarged
 from backsight.estimation.diagnosis.scores.score import Columns, Linearised
