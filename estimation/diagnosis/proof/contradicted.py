@@ -1,7 +1,8 @@
 """Small effects beside large ones, asked of what was held out: one with which that is predicted worse goes out of the model again.
 
 A motion that repeats itself bears out everything that its first turn does, in every part of the recording. Another motion does not.
-What was held out has its say here only against an effect: what it is predicted better by is not sought with it.
+What was held out has its say here only against an effect: what it is predicted better by is not sought with it. What sets in at some time,
+or acts for a while, there are two dozen times to choose from for, and one record to tell: of that it has to be predicted better, too.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from .predictor import Predictor
 from .proof import Case, Proof
 
 MINOR = 0.1  # of the nats of the largest effect: with less than that, or than FEW, an effect is asked
+UNTOLD = "what was held out is predicted no better with it than by chance, and it acts from some time on, or for a while"
 SHARE = 0.5  # of the time that is left for its fit without one
 
 
@@ -30,6 +32,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
         if proof.left <= 0:
             break
         k = next(n for n, f in enumerate(search.standing.named) if f is finding)
+        sets_in = search.standing.accepted[k].onset is not None
         try:
             without = search.without(k, least=SHARE * proof.left)
             if without is None:
@@ -38,7 +41,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
             held_out = proof.compared(other, whole)
         except FAILURES:
             continue
-        if held_out.refuting:
+        if held_out.refuting or (sets_in and held_out.doubtful):
             said.append(_words(finding, held_out))
             search.standing = without
             whole = other
@@ -59,4 +62,4 @@ def _words(finding: Finding, held_out: HeldOut) -> str:
     told = f" ({p})" if (p := probability(1.0 - held_out.p_value)) else ""
     found = f"{finding.explanation.words.capitalize()} was found, {finding.gain:.3g} nats, and is not in the repaired model"
     worse = f"prediction errors of what was held out are {-held_out.improvement_percent:.3g} % larger with it{told}"
-    return f"{found}: {worse}. So what was held out has had its say on the repair."
+    return f"{found}: {worse if held_out.refuting else UNTOLD}. So what was held out has had its say on the repair."

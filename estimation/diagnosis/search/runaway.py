@@ -71,7 +71,10 @@ def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str
         if (there := _near(given, free)) is None:
             continue
         lost, far = p.identifiable is False, p.value > there.max
-        if not ((far and (lost or _excess(solution, result, name) > MOST)) or (lost and _does_nothing(problem, result, solution, name))):
+        if not (
+            (far and (lost or _excess(solution, result, name) > MOST))
+            or (lost and _astray(problem, result, solution, name, p.value < there.min))
+        ):
             continue
         near[name] = there
         said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")
@@ -147,10 +150,15 @@ def _excess(solution: Solution, result: Smoothing, inertia: str) -> float:
     return min((r**2 / (j * m) for r, j, m in rows if j > 0 and m > 0), default=inf)
 
 
-def _does_nothing(problem: Problem, result: Smoothing, solution: Solution, inertia: str) -> bool:
-    """Whether residual forces do most of what is done wherever an inertia is."""
+def _astray(problem: Problem, result: Smoothing, solution: Solution, inertia: str, small: bool) -> bool:
+    """Whether residual forces do most of what is done wherever an inertia is; or, of one that is next to nothing, anywhere.
+
+    A part of a machine without the stop that it runs into is as light as can be, and all else is what makes up for that.
+    """
     left = left_over(problem, result)
-    return min((left[place] for place in _places(solution, result, inertia)), default=0.0) > ALL
+    there = left if small else _places(solution, result, inertia)
+    shares = [left[place] for place in there]
+    return (max if small else min)(shares, default=0.0) > ALL
 
 
 def _places(solution: Solution, result: Smoothing, inertia: str) -> dict[str, int]:
