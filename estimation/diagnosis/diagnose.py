@@ -150,8 +150,9 @@ def diagnose(
             held_out = proof.compared(base, base).unrepaired
     except FAILURES as error:
         notes.append(f"What was held out could not be predicted: {error}")
-    if held_out is not None and held_out.refuting:
-        if search.standing.faint:
+    passing = held_out is not None and proving and held_out.doubtful and search.standing.passing
+    if held_out is not None and (held_out.refuting or passing):
+        if search.standing.faint or passing:
             notes.append(withdrawn(search.standing.findings, held_out))
             search.withdraw()
             verdict, held_out = search.verdict(), held_out.unrepaired

@@ -27,11 +27,12 @@ UNKNOWN = "unknown_physics"  # of a force that no member of the library explains
 
 
 def withdrawn(findings: Sequence[Finding], held_out: HeldOut) -> str:
-    """What was found by little evidence, and went out of the model again since what was held out speaks against it."""
+    """What was found by little evidence, and went out of the model again since what was held out speaks against it, or not for it."""
     named = [f for f in findings if f.explanation.physics != UNKNOWN]
     told = [f"{f.explanation.words} ({p})" if (p := probability(f.p_value)) else f.explanation.words for f in named]
-    worse = f"{-held_out.improvement_percent:.3g} %"
-    return f"Not borne out: {listed(told)}, by what was fitted. Of what was held out prediction errors are {worse} larger with it."
+    worse = f"Of what was held out prediction errors are {-held_out.improvement_percent:.3g} % larger with it."
+    no_better = "What was held out is predicted no better with it than by chance, and it acts from some time on, or for a while."
+    return f"Not borne out: {listed(told)}, by what was fitted. {worse if held_out.refuting else no_better}"
 
 
 def repairs(found: Diagnosis) -> bool:

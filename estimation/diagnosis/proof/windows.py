@@ -43,7 +43,7 @@ def ahead(dae: Dae, piece: Recording, starts: Starts, rows: int, size: Array) ->
     size (nx,): of the states, to which the tolerance is relative.
     """
     grid = _Grid.of(piece, [q.name for q in dae.inputs])
-    step, last = Step(dae, size), len(piece.time) - 1
+    step, last = Step(dae, size, len(starts.rows)), len(piece.time) - 1
     x, k, z = starts.x.copy(), starts.rates.copy(), starts.z.copy()
     taken = [(x.copy(), k.copy(), z.copy())]
     for ahead_by in range(rows):

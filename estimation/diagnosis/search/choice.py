@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...results import Smoothing
-from ..answer.verdict import Explanation, Strength
+from ..answer.verdict import Explanation, Key, Strength
 from ..candidates.candidate import Candidate
 from ..candidates.edits import Change
 from ..candidates.laws import FASTEST, SLOWEST
@@ -47,20 +47,22 @@ SAME = 0.99999  # correlation of two effects of which one fit stands for both
 AS_WELL = 2  # of those that a fit stood for which fell short
 
 
-def chosen(found: Screen, sizes: Sizes) -> list[Screened]:
+def chosen(found: Screen, sizes: Sizes, but: Collection[Key] = ()) -> list[Screened]:
     """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
 
     The best of all, and the best of every balance: what no output shows at once is scored less well than it fits, and far from the truth a
     gain says little of what an effect is worth. Beside a law of several strengths the simplest of its family is fitted too: scores go by
-    straight lines, and the richer one may end in a worse valley.
+    straight lines, and the richer one may end in a worse valley. but: of those that were fitted, and of what does the same.
     """
-    worth, likely = list[Screened](), [s for s in found.found if _likely(s, found, sizes)]
+    fitted = [s for s in found.found if s.candidate.key in but]
+    open_ones = [s for s in found.found if s not in fitted and all(found.alike(o, s) <= SAME for o in fitted)]
+    worth, likely = list[Screened](), [s for s in open_ones if _likely(s, found, sizes)]
     for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
         if same is not None:
             if plainness(s.candidate, s.estimate) < plainness(worth[same].candidate, worth[same].estimate):
                 worth[same] = s
-        elif not simpler_there(s, found.found, sizes):
+        elif not simpler_there(s, open_ones, sizes):
             worth.append(s)
     most = max((s.gain for s in worth), default=0.0)
     best = [s for s in worth if s.gain >= WORTH * most][:FITTED]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...problem import Free, Problem
 from ...results import Smoothing
-from ..answer.verdict import Tried
+from ..answer.verdict import Key, Tried
 from ..candidates.candidate import Candidate
 from ..candidates.changing import changing
 from ..candidates.library import library
@@ -118,6 +118,9 @@ class Round:
         most = self.sizes.most
         self._fit_the_likely(now)
         plain = [fit for fit in self.fitted if explaining(*fit)]
+        if not plain and self.fitted and most > FLOOR:
+            self._fit_the_others(now)
+            plain = [fit for fit in self.fitted if explaining(*fit)]
         alone = not self.accepted
         hinted = most > HINT * FLOOR or (alone and self.base.settings.weigh and coloured(self.base.result))
         least = 0.0 if (contradicting := self._contradicting(plain)) else NEAR * most
@@ -163,7 +166,7 @@ class Round:
 
     def _fit_the_likely(self, now: Worth) -> None:
         """Fits of what the scores make likely, and of what they may not tell of."""
-        worth = [dated(self.linearised, s) for s in chosen(self.found, self.sizes) if not self._there(s.candidate)]
+        worth = self._chosen()
         if worth:
             worth += held_unseen(self.found, worth, self._unheld)
         first, rich = plainest_first(worth, self._unheld)
@@ -176,6 +179,17 @@ class Round:
         self._fit_where([(s.candidate, s, there) for s, there in late_as_another(self.fitted)], now)
         unheard = late_unheard(self.fitted, [c for c in self.candidates if not self._there(c)], self.found, self.sizes.most)
         self._fit([(c, None) for c in unheard], now)
+
+    def _fit_the_others(self, now: Worth) -> None:
+        """Fits of what comes next, where none of the best by their scores explains anything.
+
+        Beside an input that does nothing, and a mass without end, a wave that was most of what is left over had a sixth of their scores.
+        """
+        self._fit([(s.candidate, s) for s in self._chosen(but={c.key for c, _, _ in self.fitted})], now)
+
+    def _chosen(self, but: Collection[Key] = ()) -> list[Screened]:
+        """What the scores make likely, and the model has not, from the time that is best of what sets in."""
+        return [dated(self.linearised, s) for s in chosen(self.found, self.sizes, but) if not self._there(s.candidate)]
 
     def _there(self, c: Candidate) -> bool:
         """Whether the model has the same already, all along and free: a second one only helps what is not linear in it.

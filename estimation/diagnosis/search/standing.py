@@ -48,6 +48,15 @@ class Standing:
         sure = [f.gain > FEW if np.isnan(f.p_value) else f.p_value < FAINT for f in self.findings]
         return len(self.named) < len(self.findings) or not any(sure)
 
+    @property
+    def passing(self) -> bool:
+        """Whether all that was found sets in at some time, or acts for a while, and gained little.
+
+        There are hundreds of such times and spans to choose from, and a noise that remembers is off for a while, too.
+        """
+        late = [c.onset is not None and f.gain < FEW for f, c in zip(self.named, self.accepted, strict=True)]
+        return bool(late) and all(late) and len(late) == len(self.findings)
+
     def at(self, problem: Problem, result: Smoothing, model: Model | None = None) -> Standing:
         """The same findings where their model, or another one with them, is fitted anew."""
         return replace(self, problem=problem, result=result, model=model or self.model)

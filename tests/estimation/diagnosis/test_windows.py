@@ -12,10 +12,11 @@ from backsight.data.generators import actuator as machine
 from backsight.data.generators import xy_table as table
 from backsight.data.generators.run import Conditions
 from backsight.estimation import Recording
+from backsight.estimation.diagnosis.proof import steps as steps_of
 from backsight.estimation.diagnosis.proof.steps import Step
 from backsight.estimation.diagnosis.proof.windows import Starts, ahead
 from backsight.models import compile_model, simulate
-from backsight.models.mechanics.translational import Drag
+from backsight.models.mechanics.translational import Drag, Spring
 from backsight.models.plants import actuator, xy_table
 
 ROWS = 250
@@ -119,3 +120,24 @@ def test_an_uneven_clock_and_inputs_that_run_straight_are_followed_exactly():
         t = time[row : row + 21] - time[row]
         force = 2.0 + 3.0 * time[row]
         assert found[j] == pytest.approx(x[0, j] + x[1, j] * t + force / 4 * t**2 + 3.0 / 12 * t**3, abs=1e-12)
+
+
+def test_a_machine_that_swings_too_fast_is_predicted_for_as_long_as_its_steps_last_and_a_slow_one_beside_it_to_the_end(monkeypatch):
+    """Masses on springs of 5000 and 5 rad/s: s = s_0 cos(omega t)."""
+    monkeypatch.setattr(steps_of, "MOST", 300)
+    rows, dt, s_0, omega = 40, 0.02, 1e-3, np.array([5000.0, 5.0])
+    dae = compile_model(replace(body_with(Spring(), mass=2.0), outputs={"s": "body.s"}))
+    time = dt * np.arange(rows + 1)
+    piece = Recording(name="run", time=time, inputs={"F": np.zeros(rows + 1)}, outputs={"s": np.zeros(rows + 1)})
+    p = np.repeat(np.array(dae.parameter_values())[:, None], 2, axis=1)
+    p[[q.name for q in dae.parameters].index("element.k")] = 2.0 * omega**2
+    x = np.zeros((2, 2))
+    x[[q.name for q in dae.states].index("body.s")] = s_0
+    size = np.array([{"body.s": s_0, "body.v": s_0 * omega[0]}[q.name] for q in dae.states])
+    starts = Starts(rows=np.zeros(2, dtype=np.int64), x=x, rates=np.zeros_like(x), z=np.zeros((len(dae.algebraics), 2)), parameters=p)
+    fast, slow = ahead(dae, piece, starts, rows, size)[0]
+    assert slow == pytest.approx(s_0 * np.cos(omega[1] * time), abs=1e-3 * s_0)
+    lasted = np.flatnonzero(np.isfinite(fast))
+    assert 1 <= len(lasted) < 10
+    assert np.array_equal(lasted, np.arange(len(lasted)))
+    assert fast[lasted] == pytest.approx(s_0 * np.cos(omega[0] * time[lasted]), abs=0.1 * s_0)
