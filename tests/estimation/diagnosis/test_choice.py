@@ -124,6 +124,17 @@ def test_where_something_is_late_what_may_be_late_on_the_other_side_is_fitted_be
     assert len(found) > 5
 
 
+def test_what_was_fitted_does_not_stand_before_the_others_a_second_time():
+    """A mass without end gains most, and a wave, which has a phase besides, a sixth of that."""
+    mass, lag = screened("rotor", "added_mass", 740.0), of_family(screened("input:i", "input_lag", 570.0), "actuator")
+    wave, offset = screened("rotor", "cogging", 130.0, size=2), screened("input:i", "input_offset", 98.0)
+    sizes = SimpleNamespace(names=["rotor"], shares=lambda *_: {"rotor": 0.2})
+    found = screen(mass, lag, wave, offset)
+    assert chosen(found, sizes) == [mass, lag]
+    assert chosen(found, sizes, {mass.candidate.key, lag.candidate.key}) == [wave, offset]
+    assert chosen(found, sizes, {s.candidate.key for s in found.found}) == []
+
+
 @pytest.mark.parametrize("at_body", [True, False])
 def test_a_body_with_several_balances_has_the_best_of_each_fitted(at_body):
     """Four forces gain most. What turns the body, or another one, is fitted beside them, and not a fifth force that gains as much."""

@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
+from backsight.estimation.diagnosis.answer.words import UNKNOWN
+from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.edits import Insert
 from backsight.estimation.diagnosis.proof.contradicted import minor
+from backsight.estimation.diagnosis.search.standing import Standing
+from backsight.models.mechanics.translational import ConstantForce
+
+FORCE = "constant_force_body"
 
 
 def found(*nats: float) -> list[Finding]:
@@ -27,3 +38,19 @@ def test_what_gained_little_is_asked():
 def test_what_gained_much_is_not():
     assert minor(found(5000.0, 600.0)) == []
     assert minor(found(101.0, 900.0)) == []
+
+
+@pytest.mark.parametrize(("nats", "times", "passing"), [((20.0,), (4.0,), True), ((120.0,), (4.0,), False), ((20.0,), (None,), False)])
+def test_little_that_sets_in_is_passing(nats, times, passing):
+    strength = f"{FORCE}.f"
+    edit = Insert(place="body", component=ConstantForce(), name=FORCE)
+    whole = Candidate(place="body", family="external", physics="constant_force", strengths=(strength,), edits=(edit,))
+    late = [whole if t is None else whole.since(t) for t in times]
+    there = Standing(problem=None, model=None, result=None, findings=tuple(found(*nats)), accepted=tuple(late))
+    assert there.passing is passing
+
+
+def test_beside_what_acts_all_along_or_has_no_name_or_where_nothing_is_nothing_is_passing():
+    unknown = replace(found(20.0)[0], explanation=Explanation(place="body", family="unknown", physics=UNKNOWN))
+    assert not Standing(problem=None, model=None, result=None).passing
+    assert not Standing(problem=None, model=None, result=None, findings=(unknown,)).passing
