@@ -150,7 +150,7 @@ def diagnose(
             held_out = proof.compared(base, base).unrepaired
     except FAILURES as error:
         notes.append(f"What was held out could not be predicted: {error}")
-    passing = held_out is not None and proving and held_out.doubtful and search.standing.passing
+    passing = held_out is not None and proving and not held_out.telling and search.standing.passing
     if held_out is not None and (held_out.refuting or passing):
         if search.standing.faint or passing:
             notes.append(withdrawn(search.standing.findings, held_out))

@@ -21,6 +21,7 @@ Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 EVERYWHERE = "whole record"  # the regime of what acts wherever the machine moves
 FEWEST = 3  # blocks that can refute a repair
 REFUTED = 0.1  # chance that windows are predicted as much worse, or worse still, by a model that is as good
+HARDLY = 1.0  # percent: what is fitted anew without an effect may be worse by as much elsewhere
 DOUBTED = 0.1  # chance that windows are predicted as much better, or better still, by a model that is no better
 
 Key = tuple[str, ...]  # place, physics, the parameters that are wrong, and whether they change
@@ -196,6 +197,11 @@ class HeldOut:
     def doubtful(self) -> bool:
         """Whether chance alone might have the repaired model predict as much better, as far as there are blocks that tell."""
         return self.improvement_percent < 0 or (self.blocks >= FEWEST and self.p_value > DOUBTED)
+
+    @property
+    def telling(self) -> bool:
+        """Whether it surely predicts better, and by more than next to nothing: so it has to where one record alone tells of an effect."""
+        return self.improvement_percent >= HARDLY and not self.doubtful
 
 
 @dataclass(frozen=True, kw_only=True)

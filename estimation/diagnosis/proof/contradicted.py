@@ -18,7 +18,7 @@ from .predictor import Predictor
 from .proof import Case, Proof
 
 MINOR = 0.1  # of the nats of the largest effect: with less than that, or than FEW, an effect is asked
-UNTOLD = "what was held out is predicted no better with it than by chance, and it acts from some time on, or for a while"
+UNTOLD = "what was held out is predicted hardly better with it, or by chance, and it acts from some time on, or for a while"
 SHARE = 0.5  # of the time that is left for its fit without one
 
 
@@ -41,7 +41,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
             held_out = proof.compared(other, whole)
         except FAILURES:
             continue
-        if held_out.refuting or (sets_in and held_out.doubtful):
+        if held_out.refuting or (sets_in and not held_out.telling):
             said.append(_words(finding, held_out))
             search.standing = without
             whole = other
