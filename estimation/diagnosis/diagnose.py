@@ -92,7 +92,7 @@ def diagnose(
         steadied, open_ones = with_sizes_known(steadied, as_said.result)
         as_said = based(steadied) if open_ones else as_said
         steadied, as_said, loud = _held(with_noise_as_shown, steadied, as_said, based)
-        large = large or ran
+        large = " ".join(said for said in (ran, large) if said)
         if loud:  # what passed for noise may have had inertias stand for it
             steadied, as_said, larger = _held(with_inertias_near, steadied, as_said, based)
             large = " ".join(said for said in (large, larger) if said)
@@ -150,19 +150,27 @@ def diagnose(
             held_out = proof.compared(base, base).unrepaired
     except FAILURES as error:
         notes.append(f"What was held out could not be predicted: {error}")
-    passing = held_out is not None and proving and not held_out.telling and search.standing.passing
+    passing = held_out is not None and torn is None and held_out.untold and search.standing.passing(unseen)
     if held_out is not None and (held_out.refuting or passing):
         if search.standing.faint or passing:
             notes.append(withdrawn(search.standing.findings, held_out))
+            left = search.most_left
             search.withdraw()
             verdict, held_out = search.verdict(), held_out.unrepaired
+            verdict = "undecided" if passing and verdict == "none" and left > NAMELESS else verdict
         else:
             notes.append(CONTRADICTED)
             verdict = verdict if verdict == "unknown_physics" else "undecided"
-    elif held_out is not None and proving and held_out.doubtful and search.most_left > NAMELESS and verdict != "unknown_physics":
+    elif (
+        held_out is not None
+        and search.standing.named
+        and held_out.doubtful
+        and search.most_left > NAMELESS
+        and verdict != "unknown_physics"
+    ):
         notes.append(UNPROVED)
         verdict = "undecided"
-    if verdict == "none" and (not first.solver.converged or wild(posed, first)):
+    if verdict == "none" and (not first.solver.converged or wild(posed, first) or (ran and search.near)):
         verdict = "undecided"
     if verdict in ("unknown_physics", "undecided") or any(f.onset is not None or f.explanation.changes for f in search.standing.findings):
         notes += clocks_notes(posed.recordings)
@@ -198,7 +206,7 @@ def _begun(problem: Problem, based: Callable[..., AsItIs]) -> tuple[Problem, AsI
     try:
         if said:
             return (*with_whole_signals(near, partial(based, asking=True)), said)
-    except InputError:
+    except FAILURES:
         pass
     return (*with_whole_signals(problem, partial(based, asking=True)), "")
 

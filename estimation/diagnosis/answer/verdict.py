@@ -199,9 +199,9 @@ class HeldOut:
         return self.improvement_percent < 0 or (self.blocks >= FEWEST and self.p_value > DOUBTED)
 
     @property
-    def telling(self) -> bool:
-        """Whether it surely predicts better, and by more than next to nothing: so it has to where one record alone tells of an effect."""
-        return self.improvement_percent >= HARDLY and not self.doubtful
+    def untold(self) -> bool:
+        """Whether there are blocks that tell, and by these it predicts better by next to nothing, or as chance would have it."""
+        return self.blocks >= FEWEST and not (self.improvement_percent >= HARDLY and self.p_value <= DOUBTED)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
             held_out = proof.compared(other, whole)
         except FAILURES:
             continue
-        if held_out.refuting or (sets_in and not held_out.telling):
+        if held_out.refuting or (sets_in and finding.gain < FEW and held_out.untold):
             said.append(_words(finding, held_out))
             search.standing = without
             whole = other

@@ -27,7 +27,7 @@ GROSS = 1e-2  # error of the shortest step over the size of the state: a corner 
 SETTLED = 1e-2  # of the tolerance: the last Newton correction
 NEWTON, HALVINGS = 25, 8
 DEEPEST = 12  # halvings of a row's step
-MOST = 5000  # steps of a window: a machine that swings so fast that it needs more is predicted for as long as they last
+MOST = 5000  # steps of a window beside those from row to row: one that swings so fast that it needs more ends where they do
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class Step:
     """One step of all windows; size (nx,): of the states, to which errors are relative; windows: how many there are."""
 
     def __init__(self, dae: Dae, size: Array, windows: int) -> None:
-        self.nx, self.nz, self.size, self.left = dae.x.shape[0], dae.z.shape[0], size, MOST * windows
+        self.nx, self.nz, self.size, self.left = dae.x.shape[0], dae.z.shape[0], size, np.full(windows, MOST)
         self.tolerance = ROUNDED if any(p.smoothing for p in dae.parameters) else TOLERANCE
         self.c, self.a, _ = tableau(STAGES)
         nodes = self.c[:-1]  # an embedded rule of the stages before the last, of order 2: cautious, and it needs no rate at the start
@@ -65,9 +65,12 @@ class Step:
         self.residual = Columnwise(ca.Function("F", symbols, [ca.densify(F)]))
         self.slopes = Columnwise(ca.Function("dF", symbols, [ca.densify(ca.vec(part)) for part in parts]))
 
-    def over(self, x: Array, k: Array, z: Array, cell: Cell, p: Array, depth: int = 0) -> tuple[Array, Array, Array]:
-        """States at the end of the cell with their rates and algebraics; NaN where no solution was found, or none in so many steps."""
-        self.left -= x.shape[1]
+    def over(self, x: Array, k: Array, z: Array, cell: Cell, p: Array, windows: Index, depth: int = 0) -> tuple[Array, Array, Array]:
+        """States at the end of the cell with their rates and algebraics; NaN where no solution was found, or none in so many steps.
+
+        windows (M,): which ones they are.
+        """
+        self.left[windows] -= min(depth, 1)
         K, Z, solved = self._stages(x, k, z, cell, p)
         b = self.a[-1]
         end = x + cell.h * np.tensordot(b, K, axes=1)
@@ -76,13 +79,12 @@ class Step:
         good = solved & (worst < self.tolerance)
         rate, algebraics = K[-1], Z[-1]
         end[:, ~solved | ((depth == DEEPEST) & ~(worst < GROSS))] = np.nan
-        bad = np.flatnonzero(~good & np.isfinite(x).all(axis=0))  # of what has no start no part has an end
-        if self.left < 0:
-            end[:, bad] = np.nan
-        elif len(bad) and depth < DEEPEST:
+        end[:, ~good & (self.left[windows] < 0)] = np.nan
+        bad = np.flatnonzero(~good & np.isfinite(x).all(axis=0) & (self.left[windows] >= 0))  # of what has no start no part has an end
+        if len(bad) and depth < DEEPEST:
             part = x[:, bad], k[:, bad], z[:, bad]
             for which in (0, 1):
-                part = self.over(*part, cell.some(bad).half(which), p[:, bad], depth + 1)
+                part = self.over(*part, cell.some(bad).half(which), p[:, bad], windows[bad], depth + 1)
             end[:, bad], rate[:, bad], algebraics[:, bad] = part
         return end, rate, algebraics
 

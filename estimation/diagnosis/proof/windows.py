@@ -53,7 +53,7 @@ def ahead(dae: Dae, piece: Recording, starts: Starts, rows: int, size: Array) ->
         at, until = grid.cells[starts.rows[now] + ahead_by], grid.cells[np.minimum(starts.rows[now] + ahead_by + 1, last)]
         while len(now):
             p = starts.parameters[:, now]
-            x[:, now], k[:, now], z[:, now] = step.over(x[:, now], k[:, now], z[:, now], grid.cell(at), p)
+            x[:, now], k[:, now], z[:, now] = step.over(x[:, now], k[:, now], z[:, now], grid.cell(at), p, now)
             at = at + 1
             more = (at < until) & np.isfinite(x[:, now]).all(axis=0)
             now, at, until = now[more], at[more], until[more]

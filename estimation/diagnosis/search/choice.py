@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...results import Smoothing
-from ..answer.verdict import Explanation, Key, Strength
+from ..answer.verdict import Explanation, Strength
 from ..candidates.candidate import Candidate
 from ..candidates.edits import Change
 from ..candidates.laws import FASTEST, SLOWEST
@@ -47,15 +47,14 @@ SAME = 0.99999  # correlation of two effects of which one fit stands for both
 AS_WELL = 2  # of those that a fit stood for which fell short
 
 
-def chosen(found: Screen, sizes: Sizes, but: Collection[Key] = ()) -> list[Screened]:
+def chosen(found: Screen, sizes: Sizes, but: Sequence[Screened] = ()) -> list[Screened]:
     """The candidates worth a fit: unlikely by chance, large enough to matter, and not one that a better one stands for.
 
     The best of all, and the best of every balance: what no output shows at once is scored less well than it fits, and far from the truth a
     gain says little of what an effect is worth. Beside a law of several strengths the simplest of its family is fitted too: scores go by
     straight lines, and the richer one may end in a worse valley. but: of those that were fitted, and of what does the same.
     """
-    fitted = [s for s in found.found if s.candidate.key in but]
-    open_ones = [s for s in found.found if s not in fitted and all(found.alike(o, s) <= SAME for o in fitted)]
+    open_ones = [s for s in found.found if s not in but and all(found.alike(o, s) <= SAME for o in but)]
     worth, likely = list[Screened](), [s for s in open_ones if _likely(s, found, sizes)]
     for s in likely:
         same = next((k for k, o in enumerate(worth) if found.alike(o, s) > SAME), None)
@@ -73,7 +72,7 @@ def chosen(found: Screen, sizes: Sizes, but: Collection[Key] = ()) -> list[Scree
             places[there] += 1
     lasting = [s for s in worth if s.candidate.until is None]  # of what ends too few parts tell how much its score varies
     best += [s for s in sorted(lasting, key=lambda s: -s.worth)[:SURELY] if s not in best]
-    best += _late_elsewhere(best, found, most)
+    best += _late_elsewhere(best, open_ones, most)
     for s in tuple(best):
         simple = simplest_beside(s, likely)
         if simple is not None and simple not in best:
@@ -81,12 +80,12 @@ def chosen(found: Screen, sizes: Sizes, but: Collection[Key] = ()) -> list[Scree
     return best
 
 
-def _late_elsewhere(best: Sequence[Screened], found: Screen, most: float) -> list[Screened]:
+def _late_elsewhere(best: Sequence[Screened], found: Sequence[Screened], most: float) -> list[Screened]:
     """Where what is late gains most, the best of what may be late instead on the other side of the machine, an input or a sensor.
 
     Whatever else gains as much: of what is late by a good part of the motion a straight line says next to nothing.
     """
-    late, least = [s for s in found.found if s.candidate.physics in LATE], WORTH_ELSEWHERE * most
+    late, least = [s for s in found if s.candidate.physics in LATE], WORTH_ELSEWHERE * most
     sides = {s.candidate.family for s in best if s in late and s.gain >= WORTH * most}
     others = (s for s in late if s not in best and s.candidate.family not in sides and s.gain >= least)
     return [s] if sides and (s := next(others, None)) is not None else []

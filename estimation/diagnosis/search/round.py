@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...problem import Free, Problem
 from ...results import Smoothing
-from ..answer.verdict import Key, Tried
+from ..answer.verdict import Tried
 from ..candidates.candidate import Candidate
 from ..candidates.changing import changing
 from ..candidates.library import library
@@ -118,7 +118,7 @@ class Round:
         most = self.sizes.most
         self._fit_the_likely(now)
         plain = [fit for fit in self.fitted if explaining(*fit)]
-        if not plain and self.fitted and most > FLOOR:
+        if not plain and self.fitted and most > FLOOR and self.fits.left > 0:
             self._fit_the_others(now)
             plain = [fit for fit in self.fitted if explaining(*fit)]
         alone = not self.accepted
@@ -185,9 +185,10 @@ class Round:
 
         Beside an input that does nothing, and a mass without end, a wave that was most of what is left over had a sixth of their scores.
         """
-        self._fit([(s.candidate, s) for s in self._chosen(but={c.key for c, _, _ in self.fitted})], now)
+        fitted = [s.origin or s for _, s, _ in self.fitted if s is not None]
+        self._fit([(s.candidate, s) for s in self._chosen(but=fitted)], now)
 
-    def _chosen(self, but: Collection[Key] = ()) -> list[Screened]:
+    def _chosen(self, but: Sequence[Screened] = ()) -> list[Screened]:
         """What the scores make likely, and the model has not, from the time that is best of what sets in."""
         return [dated(self.linearised, s) for s in chosen(self.found, self.sizes, but) if not self._there(s.candidate)]
 

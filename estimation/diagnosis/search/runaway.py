@@ -44,8 +44,8 @@ NOTE = (
 
 
 WILDLY = (
-    "With nothing put right the model does not come to rest: its inertias grow without end. What is missing was looked for with no less "
-    "than half and no more than twice the guess of {names}, and fitted with what the study has. A better guess makes that surer."
+    "With nothing put right inertias grow without end. What is missing was looked for with no less than half and no more than twice the "
+    "guess of {names}, and fitted with what the study has. A better guess makes that surer."
 )
 
 
@@ -93,7 +93,7 @@ def wild(problem: Problem, result: Smoothing) -> bool:
     ended = {p.name: float(value) for p, value in zip(solution.transcription.dae.parameters, solution.parameters, strict=True)}
     for name, free in problem.parameters.items():
         p = result.parameters.get(name)
-        if not isinstance(free, Free) or p is None or p.unit not in INERTIAS or not ended.get(name, 0.0) > WILD * free.guess:
+        if not isinstance(free, Free) or p is None or p.unit not in INERTIAS or not ended.get(name, 0.0) > WILD * free.guess > 0:
             continue
         if not result.solver.converged or p.identifiable is False:
             return True
@@ -113,7 +113,8 @@ def _near(given: Free, free: Free) -> Near | None:
     low, high = max(free.min, given.guess / FAR), min(free.max, given.guess * FAR)
     if free.drift is not None or not low < high or (low, high) == (free.min, free.max):
         return None
-    return Near(float(np.clip(free.guess, low, high)), low, high, free.std, None, free.per_recording, given=free)
+    own = free.given if isinstance(free, Near) and free.given else free
+    return Near(float(np.clip(free.guess, low, high)), low, high, free.std, None, free.per_recording, given=own)
 
 
 def free_again(problem: Problem) -> Problem:

@@ -10,6 +10,7 @@ import numpy as np
 from backsight.models import Model
 
 from ...problem import Problem
+from ...recordings.recording import Recording
 from ...results import Smoothing
 from ..answer.verdict import Finding
 from ..answer.words import UNKNOWN
@@ -48,13 +49,17 @@ class Standing:
         sure = [f.gain > FEW if np.isnan(f.p_value) else f.p_value < FAINT for f in self.findings]
         return len(self.named) < len(self.findings) or not any(sure)
 
-    @property
-    def passing(self) -> bool:
-        """Whether all that was found sets in at some time, or acts for a while, and gained little.
+    def passing(self, recordings: Sequence[Recording]) -> bool:
+        """Whether all that was found sets in at some time, or acts for a while, also within these recordings, and gained little.
 
         There are hundreds of such times and spans to choose from, and a noise that remembers is off for a while, too.
         """
-        late = [c.onset is not None and f.gain < FEW for f, c in zip(self.named, self.accepted, strict=True)]
+        spans = [(float(r.time[0]), float(r.time[-1])) for r in recordings]
+
+        def acts(c: Candidate) -> bool:
+            return c.onset is not None and any(c.onset < end and (c.until is None or c.until > start) for start, end in spans)
+
+        late = [acts(c) and f.gain < FEW for f, c in zip(self.named, self.accepted, strict=True)]
         return bool(late) and all(late) and len(late) == len(self.findings)
 
     def at(self, problem: Problem, result: Smoothing, model: Model | None = None) -> Standing:

@@ -31,7 +31,7 @@ AT_LEAST = 60.0  # s, that each way to it has all the same
 
 
 class RanAway(InputError):
-    """A model that came to no rest since an inertia grew without end."""
+    """A model of which an inertia grew without end."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ from ..scores.shares import left_over
 from ..scores.supermodel import looked_at
 from ..search.choice import CLEAR
 from ..search.refit import FAILURES, begun, fitted, settled, worth_of
-from .as_it_is import AsItIs
+from .as_it_is import AsItIs, RanAway
 
 INPUT, SENSOR = "input:", "sensor:"
 FAMILY = {INPUT: ("actuator", "input_dropout"), SENSOR: ("sensor", "sensor_dropout")}
@@ -76,6 +76,8 @@ def with_whole_signals(problem: Problem, based: Callable[[Problem], AsItIs]) -> 
     failed: InputError | None = None
     try:
         before = based(problem)
+    except RanAway:  # nothing is told beside that
+        raise
     except InputError as error:
         before, failed = None, error
     if before is not None and not _promising(problem, before, places):

@@ -131,8 +131,21 @@ def test_what_was_fitted_does_not_stand_before_the_others_a_second_time():
     sizes = SimpleNamespace(names=["rotor"], shares=lambda *_: {"rotor": 0.2})
     found = screen(mass, lag, wave, offset)
     assert chosen(found, sizes) == [mass, lag]
-    assert chosen(found, sizes, {mass.candidate.key, lag.candidate.key}) == [wave, offset]
-    assert chosen(found, sizes, {s.candidate.key for s in found.found}) == []
+    assert chosen(found, sizes, [mass, lag]) == [wave, offset]
+    assert chosen(found, sizes, [mass, lag, wave]) == [offset]
+    assert chosen(found, sizes, found.found) == []
+
+
+def test_what_has_the_same_name_as_what_was_fitted_has_its_turn():
+    """A force along the other axis."""
+    along, across = (screened("load", "constant_force", nats) for nats in (90.0, 40.0))
+    delay, late = (
+        of_family(screened("sensor:phi", "sensor_delay", 50.0), "sensor"),
+        of_family(screened("input:F", "input_delay", 60.0), "actuator"),
+    )
+    sizes = SimpleNamespace(names=["load"], shares=lambda *_: {"load": 0.2})
+    assert chosen(screen(along, across), sizes, [along]) == [across]
+    assert chosen(screen(late, delay), sizes, [delay]) == [late]
 
 
 @pytest.mark.parametrize("at_body", [True, False])

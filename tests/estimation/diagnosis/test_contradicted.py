@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding
+from backsight.estimation import Recording
+from backsight.estimation.diagnosis.answer.verdict import Explanation, Finding, HeldOut
 from backsight.estimation.diagnosis.answer.words import UNKNOWN
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
 from backsight.estimation.diagnosis.candidates.edits import Insert
@@ -47,10 +49,25 @@ def test_little_that_sets_in_is_passing(nats, times, passing):
     whole = Candidate(place="body", family="external", physics="constant_force", strengths=(strength,), edits=(edit,))
     late = [whole if t is None else whole.since(t) for t in times]
     there = Standing(problem=None, model=None, result=None, findings=tuple(found(*nats)), accepted=tuple(late))
-    assert there.passing is passing
+    assert there.passing([recorded(10.0)]) is passing
+    assert not there.passing([recorded(3.0)])  # nothing sets in there
+
+
+def recorded(seconds: float) -> Recording:
+    time = np.linspace(0.0, seconds, 11)
+    return Recording(name="held", time=time, inputs={}, outputs={"x": time}, role="held_out")
 
 
 def test_beside_what_acts_all_along_or_has_no_name_or_where_nothing_is_nothing_is_passing():
     unknown = replace(found(20.0)[0], explanation=Explanation(place="body", family="unknown", physics=UNKNOWN))
-    assert not Standing(problem=None, model=None, result=None).passing
-    assert not Standing(problem=None, model=None, result=None, findings=(unknown,)).passing
+    assert not Standing(problem=None, model=None, result=None).passing([recorded(10.0)])
+    assert not Standing(problem=None, model=None, result=None, findings=(unknown,)).passing([recorded(10.0)])
+
+
+def test_what_few_blocks_tell_of_or_what_is_predicted_plainly_better_is_not_untold():
+    held = HeldOut(before={}, after={}, improvement_percent=20.0, p_value=0.01, blocks=8, recordings=("held",), role="held_out")
+    assert not held.untold
+    assert replace(held, improvement_percent=0.9).untold
+    assert replace(held, p_value=0.2).untold
+    assert replace(held, improvement_percent=-0.1, p_value=0.5).untold
+    assert not replace(held, improvement_percent=-0.1, p_value=0.5, blocks=2).untold

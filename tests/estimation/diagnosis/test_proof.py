@@ -45,8 +45,8 @@ def friction() -> HeldOut:
 def test_the_right_repair_gains_much_and_surely(friction):
     assert friction.improvement_percent > 50
     assert friction.p_value < 0.01
-    assert friction.telling
-    assert not replace(friction, improvement_percent=0.9).telling
+    assert not friction.doubtful
+    assert not friction.untold
     assert friction.recordings == ("held_out",)
     before, after, unit = friction.force["carriage"]
     assert unit == "N"
@@ -77,7 +77,7 @@ def test_a_repair_of_what_is_not_missing_gains_nothing():
     assert abs(found.attainable_percent) < 5
     assert found.p_value > 0.05
     assert found.doubtful
-    assert not found.telling
+    assert found.untold
 
 
 @pytest.mark.slow

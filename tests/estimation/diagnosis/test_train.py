@@ -74,4 +74,4 @@ def test_the_stop_is_found_where_the_last_cart_runs_into_it():
     assert (one.explanation.place, one.explanation.physics) == ("cart_3", "end_stop")
     assert one.explanation.parameters["x"].value == pytest.approx(STOP, abs=1e-4)
     assert found.after.parameters["cart_3.m"].value == pytest.approx(M[2], rel=0.01)
-    assert any("near" in note or "twice the guess" in note for note in found.notes)
+    assert any("cart_3.m" in note and "twice the guess" in note for note in found.notes)

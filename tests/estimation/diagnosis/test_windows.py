@@ -122,21 +122,22 @@ def test_an_uneven_clock_and_inputs_that_run_straight_are_followed_exactly():
         assert found[j] == pytest.approx(x[0, j] + x[1, j] * t + force / 4 * t**2 + 3.0 / 12 * t**3, abs=1e-12)
 
 
-def test_a_machine_that_swings_too_fast_is_predicted_for_as_long_as_its_steps_last_and_a_slow_one_beside_it_to_the_end(monkeypatch):
-    """Masses on springs of 5000 and 5 rad/s: s = s_0 cos(omega t)."""
-    monkeypatch.setattr(steps_of, "MOST", 300)
-    rows, dt, s_0, omega = 40, 0.02, 1e-3, np.array([5000.0, 5.0])
+def test_a_machine_that_swings_too_fast_is_predicted_for_as_long_as_its_steps_last_and_slower_ones_beside_it_to_the_end(monkeypatch):
+    """Masses on springs of 5000, 60 and 5 rad/s: s = s_0 cos(omega t)."""
+    monkeypatch.setattr(steps_of, "MOST", 1000)
+    rows, dt, s_0, omega = 40, 0.02, 1e-3, np.array([5000.0, 60.0, 5.0])
     dae = compile_model(replace(body_with(Spring(), mass=2.0), outputs={"s": "body.s"}))
     time = dt * np.arange(rows + 1)
     piece = Recording(name="run", time=time, inputs={"F": np.zeros(rows + 1)}, outputs={"s": np.zeros(rows + 1)})
-    p = np.repeat(np.array(dae.parameter_values())[:, None], 2, axis=1)
+    p = np.repeat(np.array(dae.parameter_values())[:, None], 3, axis=1)
     p[[q.name for q in dae.parameters].index("element.k")] = 2.0 * omega**2
-    x = np.zeros((2, 2))
+    x = np.zeros((2, 3))
     x[[q.name for q in dae.states].index("body.s")] = s_0
     size = np.array([{"body.s": s_0, "body.v": s_0 * omega[0]}[q.name] for q in dae.states])
-    starts = Starts(rows=np.zeros(2, dtype=np.int64), x=x, rates=np.zeros_like(x), z=np.zeros((len(dae.algebraics), 2)), parameters=p)
-    fast, slow = ahead(dae, piece, starts, rows, size)[0]
-    assert slow == pytest.approx(s_0 * np.cos(omega[1] * time), abs=1e-3 * s_0)
+    starts = Starts(rows=np.zeros(3, dtype=np.int64), x=x, rates=np.zeros_like(x), z=np.zeros((len(dae.algebraics), 3)), parameters=p)
+    fast, moderate, slow = ahead(dae, piece, starts, rows, size)[0]
+    assert slow == pytest.approx(s_0 * np.cos(omega[2] * time), abs=1e-3 * s_0)
+    assert moderate == pytest.approx(s_0 * np.cos(omega[1] * time), abs=0.02 * s_0)
     lasted = np.flatnonzero(np.isfinite(fast))
     assert 1 <= len(lasted) < 10
     assert np.array_equal(lasted, np.arange(len(lasted)))
