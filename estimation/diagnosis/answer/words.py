@@ -32,7 +32,7 @@ def withdrawn(findings: Sequence[Finding], held_out: HeldOut) -> str:
     told = [f"{f.explanation.words} ({p})" if (p := probability(f.p_value)) else f.explanation.words for f in named]
     worse = f"Of what was held out prediction errors are {-held_out.improvement_percent:.3g} % larger with it."
     no_better = "What was held out is predicted hardly better with it, or by chance, and it acts from some time on, or for a while."
-    return f"Not borne out: {listed(told)}, by what was fitted. {worse if held_out.refuting else no_better}"
+    return f"Not borne out: {listed(told)}, by what was fitted. {worse if held_out.improvement_percent < 0 else no_better}"
 
 
 def repairs(found: Diagnosis) -> bool:

@@ -62,4 +62,4 @@ def _words(finding: Finding, held_out: HeldOut) -> str:
     told = f" ({p})" if (p := probability(1.0 - held_out.p_value)) else ""
     found = f"{finding.explanation.words.capitalize()} was found, {finding.gain:.3g} nats, and is not in the repaired model"
     worse = f"prediction errors of what was held out are {-held_out.improvement_percent:.3g} % larger with it{told}"
-    return f"{found}: {worse if held_out.refuting else UNTOLD}. So what was held out has had its say on the repair."
+    return f"{found}: {worse if held_out.improvement_percent < 0 else UNTOLD}. So what was held out has had its say on the repair."
