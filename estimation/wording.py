@@ -16,6 +16,11 @@ def quoted(names: Iterable[str], *, last: str = "and") -> str:
     return words[0] if len(words) == 1 else f" {last} ".join([", ".join(words[:-1]), words[-1]]) if words else "none"
 
 
+def capitalised(words: str) -> str:
+    """With a capital letter in front, and all others as they are: names keep theirs."""
+    return words[:1].upper() + words[1:]
+
+
 def number(value: float) -> str:
     """Nine digits at most, without trailing zeros."""
     return f"{value:.9g}"

@@ -196,12 +196,16 @@ class HeldOut:
     @property
     def doubtful(self) -> bool:
         """Whether chance alone might have the repaired model predict as much better, as far as there are blocks that tell."""
-        return self.improvement_percent < 0 or (self.blocks >= FEWEST and self.p_value > DOUBTED)
+        return self.improvement_percent < 0 or self._by_chance
 
     @property
     def untold(self) -> bool:
         """Whether there are blocks that tell, and by these it predicts better by next to nothing, or as chance would have it."""
-        return self.blocks >= FEWEST and not (self.improvement_percent >= HARDLY and self.p_value <= DOUBTED)
+        return self._by_chance or (self.blocks >= FEWEST and not self.improvement_percent >= HARDLY)
+
+    @property
+    def _by_chance(self) -> bool:
+        return self.blocks >= FEWEST and not self.p_value <= DOUBTED
 
 
 @dataclass(frozen=True, kw_only=True)

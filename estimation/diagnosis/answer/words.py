@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from ...wording import listed, measured, probability
+from ...wording import capitalised, listed, measured, probability
 from .verdict import EVERYWHERE, TOO_SMALL, Diagnosis, Explanation, Finding, HeldOut, Strength, Tried
 
 CONTRADICTED = "What was held out contradicts the repair: it fits the one recording and mispredicts the other."
@@ -13,6 +13,7 @@ UNPROVED = (
     "What was held out is predicted no better with the repair than chance would have it, and much is left over beside it: it may stand for "
     "something else."
 )
+HARDLY_BETTER = "what was held out is predicted hardly better with it, or by chance, and it acts from some time on, or for a while"
 KINDS = {
     "parameter": "A given value is wrong:",
     "sensor": "A sensor does not read what the model supposes:",
@@ -30,9 +31,21 @@ def withdrawn(findings: Sequence[Finding], held_out: HeldOut) -> str:
     """What was found by little evidence, and went out of the model again since what was held out speaks against it, or not for it."""
     named = [f for f in findings if f.explanation.physics != UNKNOWN]
     told = [f"{f.explanation.words} ({p})" if (p := probability(f.p_value)) else f.explanation.words for f in named]
-    worse = f"Of what was held out prediction errors are {-held_out.improvement_percent:.3g} % larger with it."
-    no_better = "What was held out is predicted hardly better with it, or by chance, and it acts from some time on, or for a while."
-    return f"Not borne out: {listed(told)}, by what was fitted. {worse if held_out.improvement_percent < 0 else no_better}"
+    return f"Not borne out: {listed(told)}, by what was fitted. {capitalised(speaking_against(held_out))}."
+
+
+def taken_out(finding: Finding, held_out: HeldOut) -> str:
+    """One of several effects that went out of the model again. held_out: of the model without it, against that with it."""
+    found = f"{capitalised(finding.explanation.words)} was found, {finding.gain:.3g} nats, and is not in the repaired model"
+    chance = f" ({p})" if held_out.improvement_percent < 0 and (p := probability(1.0 - held_out.p_value)) else ""
+    return f"{found}: {speaking_against(held_out)}{chance}. So what was held out has had its say on the repair."
+
+
+def speaking_against(held_out: HeldOut) -> str:
+    """What was held out says against an effect."""
+    if held_out.improvement_percent < 0:
+        return f"of what was held out prediction errors are {-held_out.improvement_percent:.3g} % larger with it"
+    return HARDLY_BETTER
 
 
 def repairs(found: Diagnosis) -> bool:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ...wording import probability
-from ..answer.verdict import Finding, HeldOut
+from ..answer.verdict import Finding
+from ..answer.words import taken_out
 from ..search.refit import FAILURES
 from ..search.search import Search
 from ..search.standing import FEW
@@ -18,7 +18,6 @@ from .predictor import Predictor
 from .proof import Case, Proof
 
 MINOR = 0.1  # of the nats of the largest effect: with less than that, or than FEW, an effect is asked
-UNTOLD = "what was held out is predicted hardly better with it, or by chance, and it acts from some time on, or for a while"
 SHARE = 0.5  # of the time that is left for its fit without one
 
 
@@ -42,7 +41,7 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
         except FAILURES:
             continue
         if held_out.refuting or (sets_in and finding.gain < FEW and held_out.untold):
-            said.append(_words(finding, held_out))
+            said.append(taken_out(finding, held_out))
             search.standing = without
             whole = other
     if said:
@@ -56,10 +55,3 @@ def minor(findings: list[Finding]) -> list[Finding]:
         return []
     largest = max(findings, key=lambda f: f.gain)
     return [f for f in findings if f is not largest and f.gain < max(FEW, MINOR * largest.gain)]
-
-
-def _words(finding: Finding, held_out: HeldOut) -> str:
-    told = f" ({p})" if (p := probability(1.0 - held_out.p_value)) else ""
-    found = f"{finding.explanation.words.capitalize()} was found, {finding.gain:.3g} nats, and is not in the repaired model"
-    worse = f"prediction errors of what was held out are {-held_out.improvement_percent:.3g} % larger with it{told}"
-    return f"{found}: {worse if held_out.improvement_percent < 0 else UNTOLD}. So what was held out has had its say on the repair."

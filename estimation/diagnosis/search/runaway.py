@@ -38,14 +38,8 @@ WILD = 100.0  # times its guess: no machine that somebody guessed has so much
 MOST, ALL = 0.5, 0.5  # of an inertia: its excess; of the forces: left over
 INERTIAS = ("kg", "kg.m2")
 NOTE = (
-    "With nothing put right {said}. What is missing was looked for with no less than half and no more than twice the guess, and fitted "
-    "with what the study has. A better guess makes that surer."
-)
-
-
-WILDLY = (
-    "With nothing put right inertias grow without end. What is missing was looked for with no less than half and no more than twice the "
-    "guess of {names}, and fitted with what the study has. A better guess makes that surer."
+    "With nothing put right {said}. What is missing was looked for with no less than half and no more than twice {of}, and fitted with "
+    "what the study has. A better guess makes that surer."
 )
 
 
@@ -64,23 +58,20 @@ def with_inertias_near(problem: Problem, result: Smoothing, guesses: Mapping[str
     near, said, solution = dict[str, Near](), list[str](), result.solution
     if noisy_inputs(problem) or solution is None:
         return problem, ""
-    for name, given in (problem.parameters if guesses is None else guesses).items():
-        p, free = result.parameters.get(name), problem.parameters.get(name)
-        if p is None or p.unit not in INERTIAS or not isinstance(given, Free) or not isinstance(free, Free):
-            continue
-        if (there := _near(given, free)) is None:
+    told = {name: p for name in _inertias(problem) if (p := result.parameters.get(name)) is not None}
+    left = left_over(problem, result) if any(p.identifiable is False for p in told.values()) else {}
+    for name, p in told.items():
+        given, free = (problem.parameters if guesses is None else guesses).get(name), _inertias(problem)[name]
+        if not isinstance(given, Free) or (there := _near(given, free)) is None:
             continue
         lost, far = p.identifiable is False, p.value > there.max
-        if not (
-            (far and (lost or _excess(solution, result, name) > MOST))
-            or (lost and _astray(problem, result, solution, name, p.value < there.min))
-        ):
-            continue
-        near[name] = there
-        said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")
+        beyond = far and (lost or _excess(solution, result, name) > MOST)
+        if beyond or (lost and _astray(left, solution, result, name, p.value < there.min)):
+            near[name] = there
+            said.append(f"{name} would be {p}, {p.value / given.guess:.2g} times its guess")
     if not said:
         return problem, ""
-    return replace(problem, parameters={**problem.parameters, **near}), NOTE.format(said=listed(said))
+    return replace(problem, parameters={**problem.parameters, **near}), NOTE.format(said=listed(said), of="the guess")
 
 
 def wild(problem: Problem, result: Smoothing) -> bool:
@@ -91,21 +82,25 @@ def wild(problem: Problem, result: Smoothing) -> bool:
     if noisy_inputs(problem) or (solution := result.solution) is None:
         return False
     ended = {p.name: float(value) for p, value in zip(solution.transcription.dae.parameters, solution.parameters, strict=True)}
-    for name, free in problem.parameters.items():
+    for name, free in _inertias(problem).items():
         p = result.parameters.get(name)
-        if not isinstance(free, Free) or p is None or p.unit not in INERTIAS or not ended.get(name, 0.0) > WILD * free.guess > 0:
-            continue
-        if not result.solver.converged or p.identifiable is False:
+        lost = not result.solver.converged or (p is not None and p.identifiable is False)
+        if p is not None and lost and ended.get(name, 0.0) > WILD * free.guess > 0:
             return True
     return False
 
 
 def with_all_near(problem: Problem) -> tuple[Problem, str]:
     """The problem with all its inertias near their guesses, and a note; the problem itself and none where they are so already."""
+    near = {name: there for name, given in _inertias(problem).items() if (there := _near(given, given))}
+    said = NOTE.format(said="inertias grow without end", of=f"the guess of {listed(sorted(near))}") if near else ""
+    return replace(problem, parameters={**problem.parameters, **near}), said
+
+
+def _inertias(problem: Problem) -> dict[str, Free]:
+    """Those of the machine that are free."""
     units = {p.name: p.unit for p in problem.dae.parameters}
-    free = {name: free for name, free in problem.parameters.items() if isinstance(free, Free) and units.get(name) in INERTIAS}
-    near = {name: there for name, given in free.items() if (there := _near(given, given))}
-    return replace(problem, parameters={**problem.parameters, **near}), WILDLY.format(names=listed(sorted(near))) if near else ""
+    return {name: free for name, free in problem.parameters.items() if isinstance(free, Free) and units.get(name) in INERTIAS}
 
 
 def _near(given: Free, free: Free) -> Near | None:
@@ -151,14 +146,13 @@ def _excess(solution: Solution, result: Smoothing, inertia: str) -> float:
     return min((r**2 / (j * m) for r, j, m in rows if j > 0 and m > 0), default=inf)
 
 
-def _astray(problem: Problem, result: Smoothing, solution: Solution, inertia: str, small: bool) -> bool:
+def _astray(left: Mapping[str, float], solution: Solution, result: Smoothing, inertia: str, small: bool) -> bool:
     """Whether residual forces do most of what is done wherever an inertia is; or, of one that is next to nothing, anywhere.
 
-    A part of a machine without the stop that it runs into is as light as can be, and all else is what makes up for that.
+    left: place -> share of the forces there that is left over. A part of a machine without the stop that it runs into is as light as can
+    be, and all else is what makes up for that.
     """
-    left = left_over(problem, result)
-    there = left if small else _places(solution, result, inertia)
-    shares = [left[place] for place in there]
+    shares = [left[place] for place in (left if small else _places(solution, result, inertia))]
     return (max if small else min)(shares, default=0.0) > ALL
 
 

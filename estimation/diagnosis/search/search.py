@@ -109,6 +109,11 @@ class Search(State):
             self.notes.append(HELD_NEAR.format(names=listed(sorted(self.near))))
         self._limits(scored)
 
+    @property
+    def repaired(self) -> bool:
+        """Whether anything that has a name was found."""
+        return bool(self.standing.named or self.beforehand)
+
     def _as_fits_are(self) -> None:
         """The model as it is fitted once more from where it came to rest, as candidates are: what that alone gains is nobody's merit."""
         for k in range(AGAIN if self.settings.weigh else 0):
