@@ -68,24 +68,24 @@ def diagnose(
             beforehand=start.findings,
         )
         search.run()
-    start = start.as_left(straight=search.held is not None)
-    declared = start.declared(search.first, search.first_weights)
-    left = seconds + PROOF - (time.perf_counter() - began)
-    proof = Proof(
-        recordings=start.unseen,
-        role="last third" if start.last_third else "held_out",
-        end=time.monotonic() + (left if search.repaired else min(left, ALONE)),
-        say=say,
-    )
+        start = start.as_left(straight=search.held is not None)
+        declared = start.declared(search.first, search.first_weights)
+        left = seconds + PROOF - (time.perf_counter() - began)
+        proof = Proof(
+            recordings=start.unseen,
+            role="last third" if start.last_third else "held_out",
+            end=time.monotonic() + (left if search.repaired else min(left, ALONE)),
+            say=say,
+        )
 
-    def known(dae: Dae) -> dict[str, float | Known]:
-        own = {state: at for c in search.standing.accepted for state, at in remembered(start.problem, c).items()}
-        return known_of(start.problem, dae, own)
+        def known(dae: Dae) -> dict[str, float | Known]:
+            own = {state: at for c in search.standing.accepted for state, at in remembered(start.problem, c).items()}
+            return known_of(start.problem, dae, own)
 
-    def seen(case: Case) -> Case:
-        return replace(case[0], recordings=start.problem.recordings, initial=known(case[0].dae)), at_nothing(case[1])
+        def seen(case: Case) -> Case:
+            return replace(case[0], recordings=start.problem.recordings, initial=known(case[0].dae)), at_nothing(case[1])
 
-    ruled = ruling(search, proof, declared, seen)
+        ruled = ruling(search, proof, declared, seen)
     verdict, notes, first = ruled.verdict, [*start.remarks(declared[1]), *ruled.notes], declared[1]
     if verdict == "none" and (not first.solver.converged or wild(start.problem, first) or (start.astray and search.near)):
         verdict = "undecided"
@@ -110,5 +110,5 @@ def diagnose(
         mismatch=(*mismatches(first), *(mismatches(search.result) if found else ())),
         seconds=time.perf_counter() - began,
         seed=seed,
-        notes=(*notes, *search.notes),
+        notes=(*notes, *search.notes, *search.closing),
     )

@@ -14,6 +14,7 @@ from ..answer.verdict import Key, keyed, titled
 from .edits import Alike, Change, Edit, Exchange, Insert, Since, sets_in
 
 Array = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Kind = tuple[Key, bool]
 
 FARTHEST = 30.0  # times what it is: no number changes by more
 SLOWEST, FASTEST = 1e-4, 200.0  # rates of what changes little by little, times the time that it takes: a ramp, and next to at once
@@ -169,6 +170,11 @@ class Candidate:
     def key(self) -> Key:
         """What it is, whatever its numbers are."""
         return keyed(self.place, self.physics, self.subject, changes=bool(self.changes))
+
+    @property
+    def kind(self) -> Kind:
+        """What it is, and whether it sets in at some time, whenever that is."""
+        return self.key, self.onset is not None
 
     @property
     def title(self) -> str:

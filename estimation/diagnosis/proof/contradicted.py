@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from ..answer.verdict import Finding
 from ..answer.words import taken_out
+from ..candidates.candidate import Candidate
 from ..search.refit import FAILURES
 from ..search.search import Search
 from ..search.standing import FEW
@@ -21,12 +22,14 @@ MINOR = 0.1  # of the nats of the largest effect: with less than that, or than F
 SHARE = 0.5  # of the time that is left for its fit without one
 
 
-def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[[Case], Case]) -> tuple[Predictor, list[str]]:
-    """Takes out of the search's model what was held out contradicts, the faintest first; the predictor with what stays, and notes.
+def contradicted(
+    search: Search, proof: Proof, whole: Predictor, case: Callable[[Case], Case]
+) -> tuple[Predictor, list[Candidate], list[str]]:
+    """Takes out of the search's model what was held out contradicts, the faintest first; the predictor with what stays, and notes on each.
 
     whole: predictor with all that was found. case: what a predictor is made of, of a fitted problem.
     """
-    said = list[str]()
+    gone, said = list[Candidate](), list[str]()
     for finding in sorted(minor(search.standing.named), key=lambda f: f.gain):
         if proof.left <= 0:
             break
@@ -41,12 +44,13 @@ def contradicted(search: Search, proof: Proof, whole: Predictor, case: Callable[
         except FAILURES:
             continue
         if held_out.refuting or (sets_in and finding.gain < FEW and held_out.untold):
+            gone.append(search.standing.accepted[k])
             said.append(taken_out(finding, held_out))
             search.standing = without
             whole = other
     if said:
         search.renew()
-    return whole, said
+    return whole, gone, said
 
 
 def minor(findings: list[Finding]) -> list[Finding]:

@@ -37,7 +37,11 @@ def ruling(search: Search, proof: Proof, declared: Case, seen: Callable[[Case], 
         if not search.repaired:
             return Ruling(verdict=search.verdict(), held_out=proof.compared(base, base).unrepaired)
         after = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
-        after, notes = contradicted(search, proof, after, seen)
+        after, gone, notes = contradicted(search, proof, after, seen)
+        if gone and search.go_on(gone):
+            after = proof.predictor(seen((search.problem, search.result)), "the model with what takes its place", after)
+            after, _, more = contradicted(search, proof, after, seen)
+            notes += more
         held_out = proof.compared(base, after)
     except FAILURES as error:
         return Ruling(verdict=search.verdict(), notes=(*notes, f"What was held out could not be predicted: {error}"))

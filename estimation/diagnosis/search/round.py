@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ...problem import Free, Problem
 from ...results import Smoothing
 from ..answer.verdict import Tried
-from ..candidates.candidate import Candidate
+from ..candidates.candidate import Candidate, Kind
 from ..candidates.changing import changing
 from ..candidates.library import library
 from ..candidates.places import joined_to
@@ -84,20 +84,30 @@ class Round:
     tried: list[Tried] = field(default_factory=list)
 
     @classmethod
-    def of(cls, base: Base, bare: Bare, accepted: Sequence[Candidate], loose: tuple[set[str], float], fits: Fits, seed: int) -> Round:
-        """The scores of all candidates. seed: of what is drawn."""
+    def of(
+        cls,
+        base: Base,
+        bare: Bare,
+        accepted: Sequence[Candidate],
+        loose: tuple[set[str], float],
+        fits: Fits,
+        seed: int,
+        without: Collection[Kind] = (),
+    ) -> Round:
+        """The scores of all candidates but those of some kinds. seed: of what is drawn."""
         problem, solution = bared(base.problem, base.result)
         linearised = Linearised(solution)
         brought = {n for c in accepted for n in c.brought}
         candidates = library(problem, base.model, solution, brought=brought)
-        candidates = [c.with_all_of(accepted, problem.parameters) for c in candidates]
+        candidates = [c.with_all_of(accepted, problem.parameters) for c in candidates if c.kind not in without]
         looks = looked_at(problem, base.model, linearised, candidates)
         if (free := unheld(problem, solution)) is not solution:  # what a bound leaves over alone is nothing that is missing
             looks = identifiable(Linearised(free), looks)
         near = {name for name, free in problem.parameters.items() if isinstance(free, Near)}
         may_change = [c for c in changing(problem, base.model, solution, brought) if not near & {*c.strengths}]
         changes = looked_at(problem, base.model, linearised, may_change)
-        found = screen(linearised, looks, late(linearised, looks, changes), seed=seed, threads=fits.jobs)
+        dates = (look for look in late(linearised, looks, changes) if look.candidate.kind not in without)
+        found = screen(linearised, looks, dates, seed=seed, threads=fits.jobs)
         return cls(
             base=base,
             bare=bare,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,14 +12,14 @@ from ...problem import Free
 from ...wording import listed
 from ..answer.verdict import Class, Finding, Tried, Undetectable
 from ..answer.words import UNKNOWN
-from ..candidates.candidate import Candidate
+from ..candidates.candidate import Candidate, Kind
 from ..evidence.latent import Latent
 from ..scores.shares import Sizes, limits
 from .amended import amend, freed
 from .choice import CLEAR, chosen, idle
 from .findings import verdict
 from .fits import Base
-from .left_over import LeftOver
+from .left_over import NAMELESS, LeftOver
 from .refit import QUICKLY, comparable, hidden, settled
 from .refusals import loose
 from .round import Best, Round
@@ -50,10 +50,11 @@ HELD_NEAR = (
 class Search(State):
     """The rounds, and what came of them besides the model as it stands.
 
-    seed: of what is drawn. tried: what was fitted, last_tried: in the last round. before: what there was before the last effect was found;
-    aside: what was taken back to be sought again with weights from the data. compared: whether models could be; cut: what may be missing in
-    the model as it stands, and whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside
-    which candidate it was smoothed from the guesses, too. beforehand: what was found before any of it.
+    seed: of what is drawn. tried: what was fitted, last_tried: in the last round. gone: what is not looked for any more. notes: on the
+    search; closing: on the model that it ends with. before: what there was before the last effect was found; aside: what was taken back to
+    be sought again with weights from the data. compared: whether models could be; cut: what may be missing in the model as it stands, and
+    whose fit had no time. moved: how often the model as it is went where a fit came to rest. asked: beside which candidate it was smoothed
+    from the guesses, too. beforehand: what was found before any of it.
     """
 
     seed: int = 0
@@ -61,7 +62,9 @@ class Search(State):
     last_tried: Sequence[Tried] = ()
     undetectable: list[Undetectable] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    closing: list[str] = field(default_factory=list)
     beforehand: tuple[Finding, ...] = ()
+    gone: set[Kind] = field(default_factory=set, init=False)
     before: Standing | None = None
     aside: Standing | None = field(default=None, init=False, repr=False)
     compared: bool = field(default=True, init=False)
@@ -77,11 +80,36 @@ class Search(State):
         and so is one that has a force for what is missing: nothing leads the others astray.
         """
         at_once = isinstance(self.problem.weights, Latent) or not comparable(self.problem, self.result)
-        tried, more = at_once and not self.settings.weigh, True
+        tried = at_once and not self.settings.weigh
         if tried:
             self._weighed()
         self._as_fits_are()
         self.first = freed(self) or self.first
+        scored, late = self._rounds(tried=tried)
+        if late or self.fits.left == 0:
+            if self.aside is not None:
+                self.standing = self.aside
+                scored = self._scored()
+                self.cut, self.fits = _unfitted(scored), replace(self.fits, owed=0.0)
+            self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+        self._closed(scored)
+
+    def go_on(self, without: Collection[Candidate]) -> bool:
+        """Whether more is found in the place of what went since it was not borne out; that is not looked for again.
+
+        Not asked where next to nothing is left over without it, or no time is.
+        """
+        if self.fits.left == 0 or not self.compared or self.most_left <= NAMELESS:
+            return False
+        self.gone |= {c.kind for c in without}
+        self.standing = replace(self.standing, findings=tuple(self.standing.named))
+        had = self.standing.accepted
+        self._closed(self._rounds(tried=True)[0])
+        return self.standing.accepted is not had
+
+    def _rounds(self, *, tried: bool) -> tuple[Round, bool]:
+        """Rounds until nothing is kept: the last one, and whether that is for want of time. tried: whether weights from the data were."""
+        more = True
         while more:
             scored = self._scored()
             if self._better_from_the_guesses(scored):
@@ -95,18 +123,17 @@ class Search(State):
             if more:
                 amend(self)
         self.fits = replace(self.fits, owed=0.0)
-        if late or self.fits.left == 0:
-            if self.aside is not None:
-                self.standing = self.aside
-                scored = self._scored()
-                self.cut, self.fits = _unfitted(scored), replace(self.fits, owed=0.0)
-            self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+        return scored, late
+
+    def _closed(self, scored: Round) -> None:
+        """What is said of the model in the end. scored: the last round."""
+        self.closing = []
         if self.cut:
-            self.notes.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
+            self.closing.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
         self.on_a_checked_mesh()
         self.renew()
         if self.near and self.standing.named:
-            self.notes.append(HELD_NEAR.format(names=listed(sorted(self.near))))
+            self.closing.append(HELD_NEAR.format(names=listed(sorted(self.near))))
         self._limits(scored)
 
     @property
@@ -144,7 +171,7 @@ class Search(State):
         now, began = self.standing, time.time()
         self.fits.say(f"round {len(now.findings) + 1}: scores")
         brought = loose(now.findings, now.accepted, self.bare.model, now.model)
-        scored = Round.of(self.base, self.bare, now.accepted, brought, self.fits, self.seed)
+        scored = Round.of(self.base, self.bare, now.accepted, brought, self.fits, self.seed, self.gone)
         self.sizes, self.first_left = scored.sizes, self.first_left or scored.sizes.left
         self.fits = replace(self.fits, owed=min(time.time() - began, OWED * max(self.fits.end - time.time(), 0.0)))
         return replace(scored, fits=self.fits)
@@ -273,7 +300,7 @@ class Search(State):
         if isinstance(rest, Finding):
             self.standing = replace(self.standing, findings=(rest, *self.standing.findings))
         elif rest:
-            self.notes.append(rest)
+            self.closing.append(rest)
 
     def withdraw(self) -> None:
         """The model as it was declared; of what was found only forces without a name stay."""

@@ -15,6 +15,7 @@ from examples import soft_drive
 from screened import screened
 
 from backsight.estimation import Free, Problem, Recording, Smoothing, Weights
+from backsight.estimation.diagnosis.candidates.candidate import Candidate, Kind
 from backsight.estimation.diagnosis.scores.chance import Chance
 from backsight.estimation.diagnosis.scores.screen import Screen, Screened
 from backsight.estimation.diagnosis.search.choice import sound
@@ -59,6 +60,23 @@ def test_a_model_that_came_to_rest_stays():
     friction = next(s for s in scored.found.found if s.candidate.physics == "coulomb_friction")
     scored._fit([(friction.candidate, friction)], now)
     assert scored._from_a_fit(now, []) is None
+
+
+def test_what_is_not_looked_for_has_no_score():
+    made = run(1.0, 2e-3, force=lambda t, _, v: -5.0 * np.sign(v) * (t > 0.5))
+    problem = replace(posed(made), weights=Weights(W={"carriage": 0.02}))
+    result = smoothing(problem, settings=QUICKLY)
+    whole = begun(problem, result)
+    friction = next(c for c in whole.candidates if c.physics == "coulomb_friction")
+    late = friction.since(0.5)
+
+    def looked_at(*gone: Candidate) -> set[Kind]:
+        scored = Round.of(whole.base, whole.bare, [], (set(), 0.0), whole.fits, 0, {c.kind for c in gone})
+        return {s.candidate.kind for s in scored.found.found if s.candidate.key == friction.key}
+
+    assert looked_at() == {late.kind, friction.kind}
+    assert looked_at(late) == {friction.kind}
+    assert looked_at(friction) == set()
 
 
 def test_a_plain_law_is_fitted_from_where_a_richer_one_came_to_rest_whose_peak_is_not_told():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from math import inf
 
 from concealed_axis import posed, run
 
@@ -26,7 +27,7 @@ def ended(seconds: float, **carriage: float) -> Search:
 def test_without_time_for_what_is_likely_nobody_says_that_nothing_is_missing():
     search = ended(0.0, f_c=8.0)
     assert "coulomb friction at carriage" in search.cut
-    (said,) = (note for note in search.notes if "had no time for a fit" in note)
+    (said,) = (note for note in search.closing if "had no time for a fit" in note)
     assert "coulomb friction at carriage" in said
 
 
@@ -34,3 +35,17 @@ def test_without_time_where_nothing_is_likely_nothing_is_missing():
     search = ended(0.0)
     assert search.cut == ()
     assert search.verdict() == "none"
+
+
+def test_what_went_is_not_found_again_but_what_stands_in_its_place():
+    """Without Coulomb friction the axis has another law of friction, and the search that ended once ends again."""
+    search = ended(inf, f_c=20.0)
+    (coulomb,) = search.standing.accepted
+    assert coulomb.physics == "coulomb_friction"
+    assert not search.go_on([coulomb])  # nothing is left over
+    said = list(search.closing)
+    search.standing = search.without(0)
+    assert search.go_on([coulomb])
+    assert coulomb.kind not in [c.kind for c in search.standing.accepted]
+    assert any(c.family == "friction" and c.place == "carriage" for c in search.standing.accepted)
+    assert len([note for note in search.closing if note.startswith("Left over")]) <= len(said)
