@@ -5,6 +5,8 @@ The voltage v = p.v - n.v drops from pin p to pin n; the current i enters at p a
 
 from typing import Any
 
+import casadi as ca
+
 from ..connectors import Electrical
 from ..language import Component, Equation, Parameter, Variable, balance, equal, law
 from ..model import ground_of
@@ -81,3 +83,20 @@ class Capacitor(TwoPin):
 
     def equations(self, c: Any) -> dict[str, Equation]:
         return {**super().equations(c), "charge balance": balance(c.C * c.der(c.v), c.i, unit="A")}
+
+
+class VoltageDrop(TwoPin):
+    """A voltage that is lost whichever way the current flows: at the brushes of a motor, in the dead time of an inverter.
+
+        v = v_d tanh(i/i_0)
+
+    Variables:  v [V], i [A]
+    Connectors: p, n
+    Parameters: v_d [V] the drop, 0 by default (absent); i_0 [A] current at which it is there, 1e-2 by default
+    """
+
+    v_d = Parameter("V", 0.0, min=0.0, description="voltage that is lost")
+    i_0 = Parameter("A", 1e-2, min=1e-12, description="current at which it is there")
+
+    def equations(self, c: Any) -> dict[str, Equation]:
+        return {**super().equations(c), "drop": law(c.v, c.v_d * ca.tanh(c.i / c.i_0), unit="V")}

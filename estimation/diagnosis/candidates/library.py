@@ -29,6 +29,7 @@ from .edits import Exchange, Rebuild
 from .frames import of_frames
 from .laws import AGAINST_GROUND, BETWEEN, FINEST, Motion, between, of_law
 from .loads import of_loads
+from .motors import Turning, of_motor
 from .places import Spot, bodies, elements, free_name, neighbours, of_machine, own_name, sensors, source
 from .presliding import of_presliding
 from .waves import fine_periods
@@ -66,9 +67,11 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     for name, component in model.components.items():
         if isinstance(component, (Gear, Rack)):
             found += of_ideal(model, name, lambda body: motions.of(spots[body]) if body in spots else None, masses, values)
-    found += _kinematic(model, values) + _uneven(model, values) + of_frames(model, values)
     t = solution.transcription
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
+    found += _kinematic(model, values) + _uneven(model, values) + of_frames(model, values)
+    for name in model.components:
+        found += of_motor(model, name, lambda motor: motions.turning(motor, interval))
     duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
     for name in model.inputs:
         k = [q.name for q in dae.inputs].index(name)
@@ -281,7 +284,21 @@ class _Motions:
     def size(self, name: str) -> float:
         """Rms of a variable of the model along the trajectories; 0 where it has none of that name."""
         variables = self._solution.transcription.dae.variables
-        return float(np.sqrt(np.nanmean(self._course(variables[name]) ** 2))) if name in variables else 0.0
+        return self.size_of(variables[name]) if name in variables else 0.0
+
+    def size_of(self, expression: Any) -> float:
+        """The same of an expression of the model."""
+        return float(np.sqrt(np.nanmean(self._course(expression) ** 2)))
+
+    def turning(self, motor: str, interval: float) -> Turning | None:
+        """How a motor turned, read at intervals [s]; None where the model has no such motion."""
+        dae = self._solution.transcription.dae
+        current, angle = (dae.variables.get(f"{motor}.{word}") for word in ("i", "flange.phi"))
+        if current is None or angle is None:
+            return None
+        phi = self._course(angle)
+        speed = self.size_of(ca.jtimes(angle, dae.x, dae.dx))
+        return Turning(current=self.size_of(current), speed=speed, span=float(np.ptp(phi)), interval=interval)
 
     def _course(self, expression: Any) -> Array:
         """A scalar of the model along the trajectories of all recordings."""

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from backsight.models import Component, Model, ModelError, compile_model, simulate
 from backsight.models.electrical import (
@@ -18,7 +19,11 @@ from backsight.models.electrical import (
     Inductor,
     Resistor,
     TorqueMotor,
+    UnevenDCMotor,
+    UnevenEMF,
+    UnevenTorqueMotor,
     Voltage,
+    VoltageDrop,
     VoltageSensor,
 )
 from backsight.models.mechanics.rotational import Gear, Inertia, RotationalDamper, RotationalFixed
@@ -206,3 +211,49 @@ def test_a_torque_motor_turns_current_into_torque() -> None:
     dae = compile_model(model)
     assert dae.inputs[0].unit == "A"
     assert simulate(dae, T, {"I": 5.0}).outputs["omega"] == pytest.approx(2.0 * T, rel=1e-10, abs=1e-13)
+
+
+WAVE = {"amplitude": 0.3, "order": 5.0, "phase": 0.7}
+
+
+def test_an_uneven_motor_has_one_constant_for_its_torque_and_its_voltage_at_every_angle() -> None:
+    """Against the two equations in scipy, at a voltage that is held from row to row."""
+    volts, L, R, k = 10.0 * np.sign(np.sin(9.0 * T)), 0.05, 2.0, 0.4
+
+    def rates(_: float, x: np.ndarray, v: float) -> list[float]:
+        i, phi, omega = x
+        at = k * (1 + 0.3 * np.sin(5.0 * phi + 0.7))
+        return [(v - R * i - at * omega) / L, omega, (at * i - 0.01 * omega) / 0.02]
+
+    x, omega = np.zeros(3), [0.0]
+    for v, (a, b) in zip(volts[:-1], pairwise(T), strict=True):
+        x = solve_ivp(rates, (a, b), x, args=(v,), rtol=1e-10, atol=1e-12).y[:, -1]
+        omega.append(x[2])
+    whole = motor_and_wheel(motor=UnevenDCMotor(L=L, R=R, Km=k, **WAVE))
+    parts = motor_and_wheel(wire=Resistor(R=R), coil=Inductor(L=L), emf=UnevenEMF(k=k, **WAVE))
+    even = motor_and_wheel(motor=UnevenDCMotor(L=L, R=R, Km=k))
+    for model in (whole, parts):
+        assert simulate(compile_model(model), T, {"V": volts}).outputs["omega"] == pytest.approx(omega, rel=1e-6, abs=1e-8)
+    assert simulate(compile_model(even), T, {"V": volts}).outputs["omega"] == pytest.approx(
+        simulate(compile_model(motor_and_wheel(motor=DCMotor(L=L, R=R, Km=k))), T, {"V": volts}).outputs["omega"], rel=1e-9, abs=1e-11
+    )
+
+
+def test_work_of_an_uneven_torque_motor_is_the_integral_of_its_constant_over_the_angle() -> None:
+    model = Model(
+        name="direct",
+        components={"motor": UnevenTorqueMotor(K=0.2, **WAVE), "wheel": Inertia(J=0.5)},
+        connections=[("motor.flange", "wheel.flange")],
+        inputs={"I": "motor.i"},
+        outputs={"omega": "wheel.omega", "phi": "wheel.phi"},
+    )
+    run = simulate(compile_model(model), 2.0 * T, {"I": 5.0}).outputs
+    work = 5.0 * 0.2 * (run["phi"] + 0.3 / 5.0 * (np.cos(0.7) - np.cos(5.0 * run["phi"] + 0.7)))
+    assert 0.25 * run["omega"] ** 2 == pytest.approx(work, rel=1e-7, abs=1e-10)
+
+
+@pytest.mark.parametrize("volts", [4.0, -4.0])
+def test_a_voltage_is_lost_whichever_way_the_current_flows(volts: float) -> None:
+    model = ring({"i": "wire.i"}, wire=Resistor(R=2.0), brushes=VoltageDrop(v_d=0.6))
+    run = simulate(compile_model(model), [0.0, 1.0], {"V": volts})
+    assert run.outputs["i"].tolist() == pytest.approx([np.sign(volts) * (4.0 - 0.6) / 2.0] * 2)
