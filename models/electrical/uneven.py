@@ -1,8 +1,8 @@
-"""Motors whose constant waves with the angle: teeth and poles make the torque of one current uneven, and the induced voltage with it.
+"""Motors whose constant is none: it waves with the angle, for teeth and poles, and falls with the current, for iron that saturates.
 
-    k(phi) = k (1 + amplitude sin(order phi + phase)),    tau = k(phi) i,    v = k(phi) omega
+    k(phi, i) = k (1 + amplitude sin(order phi + phase)) / sqrt(1 + b i^2),    tau = k(phi, i) i,    v = k(phi, i) omega
 
-so that power in still equals power out. order: waves in one turn.
+so that power in still equals power out. order: waves in one turn; the torque comes to an end at k/sqrt(b).
 """
 
 from typing import Any
@@ -14,25 +14,27 @@ from .transmission import EMF, DCMotor, TorqueMotor
 
 
 class Uneven(Component):
-    """Base of these: what the motor constant is at an angle over its mean.
+    """Base of these: what the motor constant is at an angle and a current over its mean at small ones.
 
-    Parameters: amplitude of the wave over the mean, 0 by default (absent); order: waves in one turn, 1 by default; phase [rad] 0 by default
+    Parameters: amplitude of the wave over the mean, 0 by default (absent); order: waves in one turn, 1 by default; phase [rad], 0 by
+                default; b [1/A2] saturation, 0 by default (absent)
     """
 
     amplitude = Parameter("1", 0.0, description="wave of the motor constant over its mean")
     order = Parameter("1", 1.0, min=0.0, description="waves in one turn")
     phase = Parameter("rad", 0.0, nominal=1.0, description="phase of the wave at phi = 0")
+    b = Parameter("1/A2", 0.0, min=0.0, description="saturation")
 
     def share(self, c: Any) -> Expression:
-        """k(phi)/k."""
-        return 1.0 + c.amplitude * ca.sin(c.order * c.flange.phi + c.phase)
+        """k(phi, i)/k."""
+        return (1.0 + c.amplitude * ca.sin(c.order * c.flange.phi + c.phase)) / ca.sqrt(1.0 + c.b * c.i**2)
 
 
 class UnevenEMF(Uneven, EMF):
-    """An `EMF` whose constant waves with the angle.   v = k(phi) omega,   tau = k(phi) i
+    """An `EMF` whose constant waves with the angle and saturates.   v = k(phi, i) omega,   tau = k(phi, i) i
 
     Connectors: p, n (electrical), flange (rotational)
-    Parameters: k [N.m/A] its mean, 1 by default; amplitude, order, phase [rad] of the wave
+    Parameters: k [N.m/A] its mean, 1 by default; amplitude, order, phase [rad] of the wave; b [1/A2]
     """
 
     def equations(self, c: Any) -> dict[str, Equation]:
@@ -45,10 +47,10 @@ class UnevenEMF(Uneven, EMF):
 
 
 class UnevenDCMotor(Uneven, DCMotor):
-    """A `DCMotor` whose constant waves with the angle.   L i' = v - R i - k(phi) omega,   tau = k(phi) i,   k(phi) about Km
+    """A `DCMotor` whose constant waves with the angle and saturates.   L i' = v - R i - Km(phi, i) omega,   tau = Km(phi, i) i
 
     Connectors: p, n (electrical), flange (rotational)
-    Parameters: L [H], R [ohm], Km [V.s/rad] as there; amplitude, order, phase [rad] of the wave
+    Parameters: L [H], R [ohm], Km [V.s/rad] as there; amplitude, order, phase [rad] of the wave; b [1/A2]
     """
 
     def equations(self, c: Any) -> dict[str, Equation]:
@@ -61,11 +63,11 @@ class UnevenDCMotor(Uneven, DCMotor):
 
 
 class UnevenTorqueMotor(Uneven, TorqueMotor):
-    """A `TorqueMotor` whose constant waves with the angle.   tau = K(phi) i
+    """A `TorqueMotor` whose constant waves with the angle and saturates.   tau = K(phi, i) i
 
     Signals:    i [A] current (input)
     Connectors: flange (rotational)
-    Parameters: K [N.m/A] its mean, 1 by default; amplitude, order, phase [rad] of the wave
+    Parameters: K [N.m/A] its mean, 1 by default; amplitude, order, phase [rad] of the wave; b [1/A2]
     """
 
     def equations(self, c: Any) -> dict[str, Equation]:

@@ -71,7 +71,7 @@ def library(problem: Problem, model: Model, solution: Solution, brought: Collect
     interval = float(np.median(np.concatenate([np.diff(h.time) for h in t.horizons])))
     found += _kinematic(model, values) + _uneven(model, values) + of_frames(model, values)
     for name in model.components:
-        found += of_motor(model, name, lambda motor: motions.turning(motor, interval))
+        found += of_motor(model, name, lambda motor: motions.turning(motor, interval), values)
     duration = float(max(h.time[-1] - h.time[0] for h in t.horizons))
     for name in model.inputs:
         k = [q.name for q in dae.inputs].index(name)

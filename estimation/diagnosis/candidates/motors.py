@@ -1,22 +1,23 @@
-"""The library of what is between a circuit and a shaft: a constant that waves with the angle, and a voltage that is lost.
+"""The library of what is between a circuit and a shaft: a constant that waves with the angle or saturates, and a voltage that is lost.
 
-Teeth and poles make the torque of one current uneven; brushes, and the dead time of an inverter, take a voltage whichever way it flows.
+Teeth and poles make the torque of one current uneven, iron saturates; brushes, and the dead time of an inverter, take a voltage whichever
+way it flows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, pi
 
 from backsight.models import Model
 from backsight.models.electrical import EMF, DCMotor, TorqueMotor, UnevenDCMotor, UnevenEMF, UnevenTorqueMotor, VoltageDrop
+from backsight.models.electrical.uneven import Uneven
 from backsight.models.language import Component
 
 from .candidate import Candidate
 from .couplings import Behind
 from .edits import Exchange, Rebuild
-from .places import free_name
 
 UNEVEN: dict[type[Component], type[Component]] = {DCMotor: UnevenDCMotor, EMF: UnevenEMF, TorqueMotor: UnevenTorqueMotor}
 MOST = 48  # waves in one turn
@@ -35,38 +36,68 @@ class Turning:
     interval: float
 
 
-def of_motor(model: Model, name: str, moved: Callable[[str], Turning | None]) -> list[Candidate]:
-    """Of a component; none where it is no motor, or stood still without a current. moved: how it did, by its name."""
+def of_motor(model: Model, name: str, moved: Callable[[str], Turning | None], values: Mapping[str, float]) -> list[Candidate]:
+    """Of a component; none where it is no motor, or stood still without a current.
+
+    moved: how it did, by its name. values: of the model's parameters; what is not nothing is there already.
+    """
     component = model.components[name]
-    if type(component) not in UNEVEN or (turning := moved(name)) is None or not turning.current > 0:
+    if type(component) not in (*UNEVEN, *UNEVEN.values()) or (turning := moved(name)) is None or not turning.current > 0:
         return []
-    found = [_uneven(model, name, component, turning)]
-    return [c for c in (*found, _drop(model, name, turning) if not isinstance(component, TorqueMotor) else None) if c is not None]
+    lost = f"voltage_drop_{name}"
+    drops = not isinstance(component, TorqueMotor) and lost not in model.components
+    return [
+        *(_waving(model, name, turning) if not values.get(f"{name}.amplitude") else ()),
+        *((_saturating(model, name),) if not values.get(f"{name}.b") else ()),
+        *((_dropping(name, lost, turning),) if drops else ()),
+    ]
 
 
-def _uneven(model: Model, name: str, component: Component, turning: Turning) -> Candidate | None:
+def _richer(model: Model, name: str) -> tuple[Exchange, ...]:
+    """The edit that gives a motor a constant that is none; none where it has that already."""
+    component = model.components[name]
+    if isinstance(component, Uneven):
+        return ()
+    own = {word: value for word, value in component.parameters.items() if f"{name}.{word}" not in model.bindings}
+    return (Exchange(name=name, component=UNEVEN[type(component)](**own)),)
+
+
+def _waving(model: Model, name: str, turning: Turning) -> list[Candidate]:
     """A constant that waves: as many waves in a turn as were seen by half at least, and in more than a few rows each."""
     orders = [n for n in range(1, MOST + 1) if n * turning.span > pi and n * turning.speed * turning.interval * ROWS < 2 * pi]
-    if not orders:
-        return None
-    own = {word: value for word, value in component.parameters.items() if f"{name}.{word}" not in model.bindings}
     amplitude, phase, order = (f"{name}.{word}" for word in ("amplitude", "phase", "order"))
-    return Candidate(
+    candidate = Candidate(
         place=name,
         family="actuator",
         physics="torque_ripple",
-        edits=(Exchange(name=name, component=UNEVEN[type(component)](**own)),),
+        edits=_richer(model, name),
         strengths=(amplitude,),
         quadrature=phase,
         shapes={order: tuple(float(n) for n in orders)},
-        start={amplitude: (0.0, -LARGEST, LARGEST), phase: (0.0, -3 * pi, 3 * pi), order: (float(orders[0]), 0.0, inf)},
+        start={amplitude: (0.0, -LARGEST, LARGEST), phase: (0.0, -3 * pi, 3 * pi), order: (1.0, 0.0, inf)},
         named={"amplitude": amplitude, "phase": phase, "order": order},
+    )
+    return [candidate] if orders else []
+
+
+def _saturating(model: Model, name: str) -> Candidate:
+    """A constant that falls with the current."""
+    b = f"{name}.b"
+    return Candidate(
+        place=name,
+        family="electrical",
+        physics="magnetic_saturation",
+        edits=_richer(model, name),
+        strengths=(b,),
+        one_sided=True,
+        start={b: (0.0, 0.0, inf)},
+        named={"b": b},
     )
 
 
-def _drop(model: Model, name: str, turning: Turning) -> Candidate:
-    """A voltage that is lost at a pin of it."""
-    lost, currents = free_name(model, f"voltage_drop_{name}"), tuple(share * turning.current for share in THERE)
+def _dropping(name: str, lost: str, turning: Turning) -> Candidate:
+    """A voltage that is lost at a pin of it, by a component of this name."""
+    currents = tuple(share * turning.current for share in THERE)
     edit = Behind(flange=f"{name}.p", coupling=lost, component=VoltageDrop(), turned=True)
     return Candidate(
         place=name,

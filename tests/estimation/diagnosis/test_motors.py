@@ -36,8 +36,8 @@ def machine() -> Model:
     )  # fmt: skip
 
 
-def recorded(seed: int, role: str = "fit", *, lost: float = 0.0, wave: float = 0.0) -> Recording:
-    """Two seconds of smooth voltages. lost: at the brushes [V]; wave: of the motor constant, six times a turn, over its mean."""
+def recorded(seed: int, role: str = "fit", *, lost: float = 0.0, wave: float = 0.0, b: float = 0.0) -> Recording:
+    """Two seconds of smooth voltages. lost: at the brushes [V]; wave: of the motor constant, six times a turn; b: saturation."""
     rng = np.random.default_rng(seed)
     rates, sizes, phases = rng.uniform(0.5, 6.0, 6), rng.uniform(0.5, 1.5, 6), rng.uniform(0, 6, 6)
     i = phi = omega = 0.0
@@ -46,7 +46,7 @@ def recorded(seed: int, role: str = "fit", *, lost: float = 0.0, wave: float = 0
         u = float(np.sum(sizes * np.sin(2 * np.pi * rates * n * STEP + phases)))
         rows.append((u, i + STD["i"] * rng.normal(), phi + STD["phi"] * rng.normal()))
         for _ in range(PER):
-            at = K * (1 + wave * np.cos(6 * phi))
+            at = K * (1 + wave * np.cos(6 * phi)) / np.sqrt(1 + b * i * i)
             i += h * (u - R * i - at * omega - lost * np.tanh(i / 0.01)) / L
             omega += h * (at * i - D * omega) / J
             phi += h * omega
@@ -64,7 +64,7 @@ def posed(**concealed: float) -> Problem:
 
 
 def offered(name: str, turning: Turning | None = TURNING, model: Model | None = None) -> dict[str, Candidate]:
-    return {c.physics: c for c in of_motor(model or machine(), name, lambda _: turning)}
+    return {c.physics: c for c in of_motor(model or machine(), name, lambda _: turning, {})}
 
 
 def test_without_strength_they_change_nothing():
@@ -94,7 +94,18 @@ def test_a_motor_behind_an_amplifier_of_currents_loses_no_voltage():
         inputs={"I": "motor.i"},
         outputs={"omega": "wheel.omega"},
     )
-    assert set(offered("motor", model=model)) == {"torque_ripple"}
+    assert set(offered("motor", model=model)) == {"torque_ripple", "magnetic_saturation"}
+
+
+def test_of_a_motor_that_has_one_of_them_the_others_are_offered_as_numbers_that_it_has():
+    wavy = offered("motor")["torque_ripple"].edited(machine())
+    known = {"motor.amplitude": 0.05}
+    others = {c.physics: c for c in of_motor(wavy, "motor", lambda _: TURNING, known)}
+    assert set(others) == {"magnetic_saturation", "voltage_drop"}
+    assert others["magnetic_saturation"].edits == ()
+    assert others["magnetic_saturation"].neutral("motor.b") == 0.0
+    dropping = others["voltage_drop"].edited(wavy)
+    assert {c.physics for c in of_motor(dropping, "motor", lambda _: TURNING, known)} == {"magnetic_saturation"}
 
 
 @pytest.mark.slow
@@ -106,6 +117,16 @@ def test_a_motor_constant_that_waves_is_found_with_its_wave():
     assert told["order"] == pytest.approx(6.0, abs=2e-3)
     assert abs(told["amplitude"]) == pytest.approx(0.08, rel=0.01)
     assert found.after.parameters["motor.Km"].value == pytest.approx(K, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_motor_that_saturates_and_waves_is_found_with_both():
+    found = diagnose(posed(wave=0.08, b=0.02))
+    told = {f.explanation.physics: {name: s.value for name, s in f.explanation.parameters.items()} for f in found.findings}
+    assert set(told) == {"torque_ripple", "magnetic_saturation"}
+    assert told["magnetic_saturation"]["b"] == pytest.approx(0.02, rel=0.02)
+    assert abs(told["torque_ripple"]["amplitude"]) == pytest.approx(0.08, rel=0.02)
+    assert compile_model(found.model).name == "servo"
 
 
 @pytest.mark.slow

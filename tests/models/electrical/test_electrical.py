@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from backsight.models import Component, Model, ModelError, compile_model, simulate
 from backsight.models.electrical import (
@@ -236,6 +237,35 @@ def test_an_uneven_motor_has_one_constant_for_its_torque_and_its_voltage_at_ever
         assert simulate(compile_model(model), T, {"V": volts}).outputs["omega"] == pytest.approx(omega, rel=1e-6, abs=1e-8)
     assert simulate(compile_model(even), T, {"V": volts}).outputs["omega"] == pytest.approx(
         simulate(compile_model(motor_and_wheel(motor=DCMotor(L=L, R=R, Km=k))), T, {"V": volts}).outputs["omega"], rel=1e-9, abs=1e-11
+    )
+
+
+def test_the_constant_of_a_motor_that_saturates_falls_with_the_current() -> None:
+    """At a steady speed the air takes its torque, and resistance and induced voltage share what is given."""
+    b, k, R = 0.04, 0.4, 2.0
+    long = np.linspace(0.0, 40.0, 11)
+    for model in (
+        motor_and_wheel(motor=UnevenDCMotor(L=0.05, R=R, Km=k, b=b)),
+        motor_and_wheel(wire=Resistor(R=R), emf=UnevenEMF(k=k, b=b)),
+    ):
+        omega = simulate(compile_model(model), long, {"V": 20.0}).outputs["omega"][-1]
+
+        def left(i: float) -> float:
+            at = k / np.sqrt(1 + b * i**2)
+            return 20.0 - R * i - at * (at * i / 0.01)
+
+        i = brentq(left, 0.0, 10.0)
+        assert omega == pytest.approx(k / np.sqrt(1 + b * i**2) * i / 0.01, rel=1e-6)
+    amperes = 1.0 / np.sqrt(b)
+    heavy = Model(
+        name="direct",
+        components={"motor": UnevenTorqueMotor(K=0.2, b=b), "wheel": Inertia(J=0.5)},
+        connections=[("motor.flange", "wheel.flange")],
+        inputs={"I": "motor.i"},
+        outputs={"omega": "wheel.omega"},
+    )
+    assert simulate(compile_model(heavy), T, {"I": amperes}).outputs["omega"] == pytest.approx(
+        0.2 / np.sqrt(2) * amperes / 0.5 * T, rel=1e-9, abs=1e-12
     )
 
 
