@@ -112,7 +112,8 @@ def _clauses(findings: Sequence[Finding]) -> list[str]:
     for f in findings:
         e = f.explanation
         own = numbers(e.parameters) or e.place if e.family == "parameter" else named(e)
-        kinds.setdefault(CHANGE if e.changes else KINDS.get(e.family, LEFT_OUT), []).append(f"{own} {when(f)}" if e.changes else own)
+        kind = LEFT_OUT if e.family == "actuator" and not e.place.startswith("input:") else KINDS.get(e.family, LEFT_OUT)
+        kinds.setdefault(CHANGE if e.changes else kind, []).append(f"{own} {when(f)}" if e.changes else own)
     return [f"{kind} {listed(own)}." for kind, own in kinds.items()]
 
 

@@ -109,9 +109,11 @@ class Candidate:
         return replace(self, absorbs={**self.absorbs, **dead}) if dead else self
 
     def exchanges(self, other: Candidate) -> bool:
-        """Whether the component that another one brought, or put in the place of the declared one, is exchanged."""
+        """Whether the component that another one brought, or put in the place of the declared one, is exchanged for one of another kind."""
         components = {path.partition(".")[0] for path in other.named.values()}
-        return bool(other.edits) and bool(components) and components <= set(self.exchanged)
+        kinds = {e.name: type(e.component) for e in other.edits if isinstance(e, Exchange)}
+        gone = {e.name for e in self.edits if isinstance(e, Exchange) and kinds.get(e.name) is not type(e.component)}
+        return bool(other.edits) and bool(components) and components <= gone
 
     def instead_of(self, other: Candidate) -> Candidate:
         """The same in a model that has neither, of one whose component it exchanges: what brings that goes before, its place is that one's.

@@ -296,16 +296,20 @@ class _Motions:
         current, angle = (dae.variables.get(f"{motor}.{word}") for word in ("i", "flange.phi"))
         if current is None or angle is None:
             return None
-        phi = self._course(angle)
+        span = max(float(np.ptp(phi)) for phi in self._courses(angle))
         speed = self.size_of(ca.jtimes(angle, dae.x, dae.dx))
-        return Turning(current=self.size_of(current), speed=speed, span=float(np.ptp(phi)), interval=interval)
+        return Turning(current=self.size_of(current), speed=speed, span=span, interval=interval)
 
     def _course(self, expression: Any) -> Array:
         """A scalar of the model along the trajectories of all recordings."""
+        return np.concatenate(self._courses(expression))
+
+    def _courses(self, expression: Any) -> list[Array]:
+        """The same, of each of them."""
         t, found = self._solution.transcription, list[Array]()
         for number, times in enumerate(times_within(t.horizons, LOOKED_AT)):
             found.append(along(t.dae, expression, self._followed, number, times, self._solution.parameters).ravel())
-        return np.concatenate(found)
+        return found
 
     def _width(self, velocity: Any) -> float | None:
         """That of a law which the model has there: another one with another width would tell from it what is no difference."""

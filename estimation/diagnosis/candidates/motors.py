@@ -12,12 +12,12 @@ from math import inf, pi
 
 from backsight.models import Model
 from backsight.models.electrical import EMF, DCMotor, TorqueMotor, UnevenDCMotor, UnevenEMF, UnevenTorqueMotor, VoltageDrop
-from backsight.models.electrical.uneven import Uneven
 from backsight.models.language import Component
 
 from .candidate import Candidate
 from .couplings import Behind
 from .edits import Exchange, Rebuild
+from .places import free_name, neighbours, own_name
 
 UNEVEN: dict[type[Component], type[Component]] = {DCMotor: UnevenDCMotor, EMF: UnevenEMF, TorqueMotor: UnevenTorqueMotor}
 MOST = 48  # waves in one turn
@@ -28,7 +28,10 @@ THERE = (0.005, 0.02, 0.08, 0.3)  # of the usual current, at which what is lost 
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """How a motor moved: rms of its current [A] and of its speed [rad/s], span of its angle [rad], interval of the rows [s]."""
+    """How a motor moved: rms of its current [A] and of its speed [rad/s], interval of the rows [s].
+
+    span: of its angle in the recording in which that is largest [rad].
+    """
 
     current: float
     speed: float
@@ -44,22 +47,21 @@ def of_motor(model: Model, name: str, moved: Callable[[str], Turning | None], va
     component = model.components[name]
     if type(component) not in (*UNEVEN, *UNEVEN.values()) or (turning := moved(name)) is None or not turning.current > 0:
         return []
-    lost = f"voltage_drop_{name}"
-    drops = not isinstance(component, TorqueMotor) and lost not in model.components
+    amplitude, b = (values.get(own_name(model, f"{name}.{word}"), 0.0) for word in ("amplitude", "b"))
+    pins = [p for p in component.declared_connectors if p == "p"]
+    drops = bool(pins) and not any(isinstance(model.components[n], VoltageDrop) for n in neighbours(model, f"{name}.p"))
     return [
-        *(_waving(model, name, turning) if not values.get(f"{name}.amplitude") else ()),
-        *((_saturating(model, name),) if not values.get(f"{name}.b") else ()),
-        *((_dropping(name, lost, turning),) if drops else ()),
+        *(_waving(model, name, turning) if not amplitude else ()),
+        *((_saturating(model, name),) if not b else ()),
+        *((_dropping(model, name, turning),) if drops else ()),
     ]
 
 
-def _richer(model: Model, name: str) -> tuple[Exchange, ...]:
-    """The edit that gives a motor a constant that is none; none where it has that already."""
+def _richer(model: Model, name: str) -> Exchange:
+    """The edit that gives a motor a constant that is none; the same again where it has that already."""
     component = model.components[name]
-    if isinstance(component, Uneven):
-        return ()
     own = {word: value for word, value in component.parameters.items() if f"{name}.{word}" not in model.bindings}
-    return (Exchange(name=name, component=UNEVEN[type(component)](**own)),)
+    return Exchange(name=name, component=UNEVEN.get(type(component), type(component))(**own))
 
 
 def _waving(model: Model, name: str, turning: Turning) -> list[Candidate]:
@@ -70,7 +72,7 @@ def _waving(model: Model, name: str, turning: Turning) -> list[Candidate]:
         place=name,
         family="actuator",
         physics="torque_ripple",
-        edits=_richer(model, name),
+        edits=(_richer(model, name),),
         strengths=(amplitude,),
         quadrature=phase,
         shapes={order: tuple(float(n) for n in orders)},
@@ -87,7 +89,7 @@ def _saturating(model: Model, name: str) -> Candidate:
         place=name,
         family="electrical",
         physics="magnetic_saturation",
-        edits=_richer(model, name),
+        edits=(_richer(model, name),),
         strengths=(b,),
         one_sided=True,
         start={b: (0.0, 0.0, inf)},
@@ -95,9 +97,9 @@ def _saturating(model: Model, name: str) -> Candidate:
     )
 
 
-def _dropping(name: str, lost: str, turning: Turning) -> Candidate:
-    """A voltage that is lost at a pin of it, by a component of this name."""
-    currents = tuple(share * turning.current for share in THERE)
+def _dropping(model: Model, name: str, turning: Turning) -> Candidate:
+    """A voltage that is lost at a pin of it."""
+    lost, currents = free_name(model, f"voltage_drop_{name}"), tuple(share * turning.current for share in THERE)
     edit = Behind(flange=f"{name}.p", coupling=lost, component=VoltageDrop(), turned=True)
     return Candidate(
         place=name,

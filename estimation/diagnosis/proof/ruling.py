@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ..answer.verdict import Class, HeldOut
 from ..answer.words import CONTRADICTED, UNPROVED, withdrawn
+from ..candidates.candidate import Candidate
 from ..search.left_over import NAMELESS
 from ..search.refit import FAILURES
 from ..search.search import Search
 from .contradicted import contradicted
+from .predictor import Predictor
 from .proof import Case, Proof
 
 
@@ -38,15 +40,32 @@ def ruling(search: Search, proof: Proof, declared: Case, seen: Callable[[Case], 
             return Ruling(verdict=search.verdict(), held_out=proof.compared(base, base).unrepaired)
         after = proof.predictor(seen((search.problem, search.result)), "the repaired model", base)
         after, gone, notes = contradicted(search, proof, after, seen)
-        if gone and search.go_on(gone):
-            after = proof.predictor(seen((search.problem, search.result)), "the model with what takes its place", after)
-            after, _, more = contradicted(search, proof, after, seen)
+        if gone:
+            after, more = _gone_on(search, proof, after, seen, gone)
             notes += more
         held_out = proof.compared(base, after)
     except FAILURES as error:
         return Ruling(verdict=search.verdict(), notes=(*notes, f"What was held out could not be predicted: {error}"))
     ruled = _ruled(search, proof, held_out)
     return Ruling(verdict=ruled.verdict, held_out=ruled.held_out, notes=(*notes, *ruled.notes))
+
+
+def _gone_on(
+    search: Search, proof: Proof, after: Predictor, seen: Callable[[Case], Case], gone: Sequence[Candidate]
+) -> tuple[Predictor, list[str]]:
+    """What is in the place of what went, asked in the same way, with notes; as it was where what was held out has no end with it."""
+    before = search.ended
+    try:
+        if not search.go_on(gone):
+            return after, []
+        other = proof.predictor(seen((search.problem, search.result)), "the model with what takes its place", after)
+        other, more, notes = contradicted(search, proof, other, seen)
+        if more:
+            search.told_anew()
+    except FAILURES:
+        search.back_to(before)
+        return after, []
+    return other, notes
 
 
 def _ruled(search: Search, proof: Proof, held_out: HeldOut) -> Ruling:

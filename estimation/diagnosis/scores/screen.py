@@ -65,14 +65,16 @@ class Screened:
         return self.gain / self.inflation
 
     @property
-    def shape_gain(self) -> tuple[float, float]:
-        """What tells one shape from others [nats]: the gain, of what is all shape with a strength of one, if any shape has that.
+    def shape_gain(self) -> float:
+        """What tells one shape from others [nats]: the gain, of what is all shape with a strength of one at the most.
 
         A delay a fifth as long, and five times as strong, gains as much where it is but noise of the input that it moves. Where parameters
         have made up for a part of it no shape has its whole strength.
         """
-        whole = (float(self.estimate[0]) - 0.5) / float(self.std[0]) ** 2 if self.candidate.all_shape else self.gain
-        return max(whole, 0.0), self.gain
+        if not self.candidate.all_shape:
+            return self.gain
+        whole = min(max(float(self.estimate[0]), 0.0), 1.0)
+        return whole * (float(self.estimate[0]) - whole / 2) / float(self.std[0]) ** 2
 
     @property
     def candidate(self) -> Candidate:

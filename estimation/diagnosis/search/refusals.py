@@ -117,7 +117,7 @@ def slight(c: Candidate, s: Screened | None, f: Fitted, sizes: Sizes) -> bool:
             return True
     if s is None:
         return False
-    if (len(c.strengths) > 1 or (c.quadrature and "period" in c.named)) and not (c.signals or c.absorbs or c.ratio):
+    if (len(c.strengths) > 1 or (c.quadrature and c.named.keys() & {"period", "order"})) and not (c.signals or c.absorbs or c.ratio):
         return 0.0 < max(sizes.shares(s.look, fitted_strengths(c, f.result)).values(), default=0.0) < FLOOR
     if (alone := _alone(c, s)) is None:
         return False

@@ -40,10 +40,13 @@ INCOMPARABLE = (
     "No models were compared: where the model as it is came to rest the recordings do not tell its parameters and states apart. Give what "
     "is known of them, in [parameters], in [initial] or by another sensor."
 )
+OUT_OF_TIME = "The search was ended by its limit of time: there may be more. A second run goes on from here."
 HELD_NEAR = (
     "With what was found {names} would still be far from what was guessed, and was held near it: more is missing than that, or the guess "
     "is far off. Verdict and numbers are those beside it."
 )
+
+Ended = tuple[Standing, list[str], list[Undetectable], tuple[str, ...], bool]
 
 
 @dataclass
@@ -91,21 +94,42 @@ class Search(State):
                 self.standing = self.aside
                 scored = self._scored()
                 self.cut, self.fits = _unfitted(scored), replace(self.fits, owed=0.0)
-            self.notes.append("The search was ended by its limit of time: there may be more. A second run goes on from here.")
+            self.notes.append(OUT_OF_TIME)
         self._closed(scored)
 
     def go_on(self, without: Collection[Candidate]) -> bool:
-        """Whether more is found in the place of what went since it was not borne out; that is not looked for again.
+        """Whether the model is another one once more was looked for in the place of what went since it was not borne out.
 
-        Not asked where next to nothing is left over without it, or no time is.
+        That is not looked for again, nor whether inputs are held. Not asked where next to nothing is left over without it, or no time is.
         """
         if self.fits.left == 0 or not self.compared or self.most_left <= NAMELESS:
             return False
         self.gone |= {c.kind for c in without}
+        self.before = self.aside = self.held = None
+        self._unnamed_out()
+        had = self.result
+        scored, late = self._rounds(tried=True)
+        self._closed(scored)
+        if late or self.fits.left == 0:
+            self.closing.append(OUT_OF_TIME)
+        return self.result is not had
+
+    def told_anew(self) -> None:
+        """What is left over in the model as it stands, after something went."""
+        self._unnamed_out()
+        self._said_of(self._scored())
+
+    def _unnamed_out(self) -> None:
         self.standing = replace(self.standing, findings=tuple(self.standing.named))
-        had = self.standing.accepted
-        self._closed(self._rounds(tried=True)[0])
-        return self.standing.accepted is not had
+
+    @property
+    def ended(self) -> Ended:
+        """How it ended."""
+        return self.standing, self.closing, self.undetectable, self.cut, self.compared
+
+    def back_to(self, ended: Ended) -> None:
+        """As it had ended before it went on."""
+        self.standing, self.closing, self.undetectable, self.cut, self.compared = ended
 
     def _rounds(self, *, tried: bool) -> tuple[Round, bool]:
         """Rounds until nothing is kept: the last one, and whether that is for want of time. tried: whether weights from the data were."""
@@ -126,12 +150,15 @@ class Search(State):
         return scored, late
 
     def _closed(self, scored: Round) -> None:
-        """What is said of the model in the end. scored: the last round."""
+        """The model with what was found on a checked mesh, and what is said of it in the end. scored: the last round."""
+        self.on_a_checked_mesh()
+        self.renew()
+        self._said_of(scored)
+
+    def _said_of(self, scored: Round) -> None:
         self.closing = []
         if self.cut:
             self.closing.append(f"What may be missing had no time for a fit that ends: {listed(sorted({*self.cut}))}.")
-        self.on_a_checked_mesh()
-        self.renew()
         if self.near and self.standing.named:
             self.closing.append(HELD_NEAR.format(names=listed(sorted(self.near))))
         self._limits(scored)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from neutral import Point
 
-from backsight.estimation import Free, Problem, Recording, diagnose
+from backsight.estimation import Free, Problem, Recording, Weights, diagnose, smooth
 from backsight.estimation.diagnosis.candidates.candidate import Candidate
+from backsight.estimation.diagnosis.candidates.library import library
 from backsight.estimation.diagnosis.candidates.motors import Turning, of_motor
+from backsight.estimation.diagnosis.scores.score import Linearised
+from backsight.estimation.diagnosis.scores.supermodel import looked_at
+from backsight.estimation.smoothing.program import Settings
 from backsight.models import Model, compile_model
 from backsight.models.electrical import CurrentSensor, DCMotor, ElectricalGround, TorqueMotor, Voltage
 from backsight.models.mechanics.rotational import AngleSensor, Inertia, RotationalDamper, RotationalFixed
@@ -97,15 +103,28 @@ def test_a_motor_behind_an_amplifier_of_currents_loses_no_voltage():
     assert set(offered("motor", model=model)) == {"torque_ripple", "magnetic_saturation"}
 
 
-def test_of_a_motor_that_has_one_of_them_the_others_are_offered_as_numbers_that_it_has():
-    wavy = offered("motor")["torque_ripple"].edited(machine())
-    known = {"motor.amplitude": 0.05}
-    others = {c.physics: c for c in of_motor(wavy, "motor", lambda _: TURNING, known)}
+def test_of_a_motor_that_has_one_of_them_the_others_are_offered_and_each_can_go():
+    ripple, saturation = (offered("motor")[word] for word in ("torque_ripple", "magnetic_saturation"))
+    assert not saturation.replaces(ripple)
+    wavy = ripple.edited(machine()).with_values(motor={"amplitude": 0.05})
+    others = {c.physics: c for c in of_motor(wavy, "motor", lambda _: TURNING, {"motor.amplitude": 0.05})}
     assert set(others) == {"magnetic_saturation", "voltage_drop"}
-    assert others["magnetic_saturation"].edits == ()
-    assert others["magnetic_saturation"].neutral("motor.b") == 0.0
+    assert others["magnetic_saturation"].edited(wavy).components["motor"].parameters == wavy.components["motor"].parameters
+    assert "b" in others["magnetic_saturation"].edited(machine()).components["motor"].declared_parameters
     dropping = others["voltage_drop"].edited(wavy)
-    assert {c.physics for c in of_motor(dropping, "motor", lambda _: TURNING, known)} == {"magnetic_saturation"}
+    assert {c.physics for c in of_motor(dropping, "motor", lambda _: TURNING, {"motor.amplitude": 0.05})} == {"magnetic_saturation"}
+
+
+def test_a_wave_is_looked_at_with_all_its_orders_also_where_the_motor_saturates_already():
+    posed_for = posed(b=0.02)
+    model = offered("motor")["magnetic_saturation"].edited(machine())
+    problem = replace(posed_for, model=model, recordings=posed_for.recordings[:1], weights=Weights(W={"motor": 1e-3, "rotor": 1e-5}))
+    solution = smooth(problem, settings=Settings(check_mesh=False)).solution
+    candidates = [c for c in library(problem, model, solution) if c.physics == "torque_ripple"]
+    looks = looked_at(problem, model, Linearised(solution), candidates)
+    (orders,) = candidates[0].shapes.values()
+    assert sorted(look.shape["motor.order"] for look in looks) == sorted(orders)
+    assert len(orders) > 10
 
 
 @pytest.mark.slow

@@ -135,17 +135,18 @@ def test_of_what_is_all_shape_the_one_is_kept_that_is_as_large_as_it_is_and_not_
     assert np.array_equal(growing.look.columns.squares, true / 5)
 
 
-def test_of_what_is_all_shape_and_no_shape_is_there_as_a_whole_that_is_kept_which_gains_most():
-    """Parameters have made up for most of a lag: of none as long as it is all is left, and a short one against it is no lag at all."""
-    rng = np.random.default_rng(4)
+@pytest.mark.parametrize("seed", range(25))
+def test_of_what_is_all_shape_and_no_shape_is_there_as_a_whole_that_is_kept_which_gains_most(seed):
+    """Parameters have made up for most of a lag: of none as long as it is all is left, and a short one that is hardly told is no lag."""
+    rng = np.random.default_rng(seed)
     long, short = 9 * rng.standard_normal((ROWS, 1)), 0.1 * rng.standard_normal((ROWS, 1))
-    base = regression(3, 0.1 * short[:, 0] - 0.4 * long[:, 0])
+    base = regression(100 + seed, -0.4 * long[:, 0])
     signal = Signal(of=("sensor:y",), changed=lambda _, values: values, start={"lag.tau": 1.0})
     lag = Candidate(place="p", family="friction", physics="sensor_lag", signals=(signal,))
     for looks in ([short, long], [long, short]):
         (kept,) = screen(base, [look(columns, lag) for columns in looks]).found
         assert np.array_equal(kept.look.columns.squares, long)
-        assert kept.estimate == pytest.approx([0.4], abs=0.05)
+        assert kept.estimate == pytest.approx([0.4], abs=0.1)
 
 
 def test_the_chance_of_a_gain_is_an_upper_limit_and_near_to_what_draws_give():

@@ -43,9 +43,13 @@ def test_what_went_is_not_found_again_but_what_stands_in_its_place():
     (coulomb,) = search.standing.accepted
     assert coulomb.physics == "coulomb_friction"
     assert not search.go_on([coulomb])  # nothing is left over
-    said = list(search.closing)
+    had = search.ended
     search.standing = search.without(0)
     assert search.go_on([coulomb])
     assert coulomb.kind not in [c.kind for c in search.standing.accepted]
     assert any(c.family == "friction" and c.place == "carriage" for c in search.standing.accepted)
-    assert len([note for note in search.closing if note.startswith("Left over")]) <= len(said)
+    assert len([note for note in search.closing if note.startswith(("Left over", "Unexplained"))]) == 1
+    assert search.closing != had[1]
+    search.back_to(had)
+    assert search.standing.accepted == (coulomb,)
+    assert search.ended == had

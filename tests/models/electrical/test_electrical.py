@@ -287,3 +287,9 @@ def test_a_voltage_is_lost_whichever_way_the_current_flows(volts: float) -> None
     model = ring({"i": "wire.i"}, wire=Resistor(R=2.0), brushes=VoltageDrop(v_d=0.6))
     run = simulate(compile_model(model), [0.0, 1.0], {"V": volts})
     assert run.outputs["i"].tolist() == pytest.approx([np.sign(volts) * (4.0 - 0.6) / 2.0] * 2)
+
+
+def test_at_a_current_of_i_0_most_of_the_voltage_is_lost() -> None:
+    model = ring({"i": "wire.i"}, wire=Resistor(R=2.0), brushes=VoltageDrop(v_d=0.6, i_0=0.5))
+    run = simulate(compile_model(model), [0.0, 1.0], {"V": 2.0 * 0.5 + 0.6 * np.tanh(1.0)})
+    assert run.outputs["i"].tolist() == pytest.approx([0.5, 0.5])
