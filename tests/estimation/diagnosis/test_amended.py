@@ -236,7 +236,7 @@ def test_what_was_taken_back_is_there_again_where_there_was_no_time_to_seek_it()
     search.aside = Standing(problem=problem, model=model, findings=(found(friction, 60.0),), accepted=(friction,), result=result)
     search.run()
     assert [f.explanation.physics for f in search.standing.findings] == ["coulomb_friction"]
-    assert not any("Coulomb friction" in note or "coulomb friction" in note for note in search.notes)
+    assert not any("Coulomb friction" in note or "coulomb friction" in note for note in (*search.notes, *search.closing))
     assert search.verdict() == "missing_physics"
     assert "coulomb_friction_carriage" in search.standing.model.components
     assert search.standing.findings[-1].explanation.parameters["f_c"].value == pytest.approx(20.0, rel=0.05)

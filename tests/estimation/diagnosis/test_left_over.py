@@ -67,7 +67,7 @@ def linearised(search: Search) -> Linearised:
 
 
 def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, share: float = 2 * NAMELESS) -> None:
-    search.standing, search.notes = replace(search.standing, findings=()), []
+    search.standing, search.closing = replace(search.standing, findings=()), []
     monkeypatch.setattr(LeftOver, "needed", lambda *_: needed)
     left = SimpleNamespace(left={"carriage": share}, base=linearised(search))
     search._unexplained(left)  # type: ignore[arg-type]
@@ -77,20 +77,20 @@ def left_over(search: Search, needed: bool, monkeypatch: pytest.MonkeyPatch, sha
 def test_it_becomes_a_finding_or_a_note(slow: Search, needed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(slow, needed, monkeypatch)
     assert [f.explanation.place for f in slow.standing.findings] == ["carriage"] * needed
-    assert [note.partition(":")[0] for note in slow.notes] == ["Left over at carriage"] * (not needed)
+    assert [note.partition(":")[0] for note in slow.closing] == ["Left over at carriage"] * (not needed)
 
 
 def test_a_force_that_is_forgotten_at_once_is_noise(search: Search, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(search, True, monkeypatch)
     assert search.standing.findings == ()
-    assert search.notes[0].endswith("too little for something that is missing.")
+    assert search.closing[0].endswith("too little for something that is missing.")
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.9 * FLOOR, "at no place a larger share"), (0.9 * NAMELESS, "too little for something")])
 def test_a_force_that_lasts_and_is_small_is_a_note(slow: Search, share: float, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
     left_over(slow, True, monkeypatch, share)
     assert slow.standing.findings == ()
-    (note,) = slow.notes
+    (note,) = slow.closing
     assert told in note
     assert f"{100 * share:.2g} % of the forces there" in note
 
