@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import inf, pi
 
 from backsight.models import Model
-from backsight.models.electrical import EMF, DCMotor, TorqueMotor, UnevenDCMotor, UnevenEMF, UnevenTorqueMotor, VoltageDrop
+from backsight.models.electrical import EMF, DCMotor, TorqueMotor, TwoPin, UnevenDCMotor, UnevenEMF, UnevenTorqueMotor, VoltageDrop
 from backsight.models.language import Component
 
 from .candidate import Candidate
@@ -48,8 +48,7 @@ def of_motor(model: Model, name: str, moved: Callable[[str], Turning | None], va
     if type(component) not in (*UNEVEN, *UNEVEN.values()) or (turning := moved(name)) is None or not turning.current > 0:
         return []
     amplitude, b = (values.get(own_name(model, f"{name}.{word}"), 0.0) for word in ("amplitude", "b"))
-    pins = [p for p in component.declared_connectors if p == "p"]
-    drops = bool(pins) and not any(isinstance(model.components[n], VoltageDrop) for n in neighbours(model, f"{name}.p"))
+    drops = isinstance(component, TwoPin) and not any(isinstance(model.components[n], VoltageDrop) for n in neighbours(model, f"{name}.p"))
     return [
         *(_waving(model, name, turning) if not amplitude else ()),
         *((_saturating(model, name),) if not b else ()),
